@@ -1,0 +1,78 @@
+//! The errors of the core. Each variant carries the values that a reader of the message needs.
+//!
+//! Losing the target is no error: it is [`State::Lost`](crate::State::Lost).
+
+use std::path::PathBuf;
+
+use crate::geometry::Rect;
+
+/// Why the bytes of an image cannot be taken as a [`Frame`](crate::Frame).
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FrameError {
+    /// An image without pixels.
+    #[error("image of {width} x {height} has no pixels")]
+    Empty { width: u32, height: u32 },
+    /// A side that no camera has: the guard against corrupt headers.
+    #[error("image of {width} x {height} is larger than {limit} on a side")]
+    TooLarge { width: u32, height: u32, limit: u32 },
+    /// The name of the encoding is not known.
+    #[error("encoding '{0}' is not supported; supported are {known}", known = crate::frame::Encoding::names().join(", "))]
+    Encoding(String),
+    /// A row is shorter than its pixels.
+    #[error("step of {step} bytes is shorter than a row of {width} {encoding} pixels ({row} bytes)")]
+    Step { step: usize, width: u32, encoding: &'static str, row: usize },
+    /// The buffer ends before the last row does.
+    #[error("data of {len} bytes is shorter than {height} rows of {step} bytes (at least {needed})")]
+    Data { len: usize, height: u32, step: usize, needed: usize },
+}
+
+/// Why a marked box cannot be followed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum StartError {
+    /// A coordinate is NaN or infinite.
+    #[error("box {0} is not finite")]
+    NotFinite(Rect),
+    /// A side is too short to hold features.
+    #[error("box {rect} is too small: each side must be at least {min} px")]
+    TooSmall { rect: Rect, min: f64 },
+    /// Too long and thin for a search window around it.
+    #[error("box {rect} is too thin: its longer side is {ratio:.1} x the shorter, at most {max} is allowed")]
+    TooThin { rect: Rect, ratio: f64, max: f64 },
+    /// Larger than the image.
+    #[error("box {rect} is larger than the image of {width} x {height}")]
+    TooLarge { rect: Rect, width: u32, height: u32 },
+    /// Too little of it is in view.
+    #[error(
+        "box {rect} lies outside the image of {width} x {height}: {visible:.0} % of it is in view, at least {min:.0} % must be"
+    )]
+    Outside { rect: Rect, width: u32, height: u32, visible: f64, min: f64 },
+}
+
+/// Why a set of parameters was refused. The set in force stays as it was.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ParamsError {
+    /// No parameter bears that name.
+    #[error("unknown parameter '{name}'{hint}")]
+    Unknown { name: String, hint: String },
+    /// The value is of another type.
+    #[error("parameter '{name}' is of type {expected}, got {got}")]
+    Type { name: String, expected: &'static str, got: String },
+    /// The number lies outside the range.
+    #[error("parameter '{name}' must lie in {range}, got {got}")]
+    Range { name: String, range: String, got: String },
+    /// The string is none of the choices.
+    #[error("parameter '{name}' must be one of {choices}, got '{got}'")]
+    Choice { name: String, choices: String, got: String },
+    /// The parameter is fixed once the program runs.
+    #[error("parameter '{name}' is read-only while the program runs")]
+    ReadOnly { name: String },
+    /// Each value is right by itself, but not together.
+    #[error("parameters do not fit together: {0}")]
+    Conflict(String),
+    /// `NAME:=VALUE` without the `:=`, or with a value that is no YAML.
+    #[error("'{text}' is no parameter assignment: {why}")]
+    Assignment { text: String, why: String },
+    /// A parameter file that cannot be read or understood.
+    #[error("parameter file {}: {why}", path.display())]
+    File { path: PathBuf, why: String },
+}

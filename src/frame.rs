@@ -1,0 +1,241 @@
+//! One image as it came in: borrowed bytes with their layout, checked once.
+
+use crate::error::{FrameError, StartError};
+use crate::geometry::Rect;
+
+/// The largest side a frame may have, in pixels.
+const MAX_SIDE: u32 = 1 << 15;
+/// The shortest side of a target, in pixels: below, HOG has less than one cell.
+pub const MIN_TARGET_SIDE: f64 = 4.0;
+/// The longest a target may be in units of its shorter side; a search window of a few target sizes does not
+/// hold anything thinner.
+pub const MAX_TARGET_ASPECT: f64 = 12.0;
+/// The share of a marked box that must lie inside the image.
+const MIN_VISIBLE_SHARE: f64 = 0.5;
+
+/// How the bytes of a pixel are laid out; names as in `sensor_msgs/image_encodings`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// 8-bit red, green, blue.
+    Rgb8,
+    /// 8-bit blue, green, red.
+    Bgr8,
+    /// 8-bit red, green, blue, alpha (ignored).
+    Rgba8,
+    /// 8-bit blue, green, red, alpha (ignored).
+    Bgra8,
+    /// 8-bit grey.
+    Mono8,
+}
+
+impl Encoding {
+    const ALL: [Self; 5] = [Self::Rgb8, Self::Bgr8, Self::Rgba8, Self::Bgra8, Self::Mono8];
+
+    /// The encoding of that name.
+    pub fn parse(name: &str) -> Result<Self, FrameError> {
+        Self::ALL.into_iter().find(|e| e.name() == name).ok_or_else(|| FrameError::Encoding(name.to_owned()))
+    }
+
+    /// The name of the encoding on the wire.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Rgb8 => "rgb8",
+            Self::Bgr8 => "bgr8",
+            Self::Rgba8 => "rgba8",
+            Self::Bgra8 => "bgra8",
+            Self::Mono8 => "mono8",
+        }
+    }
+
+    /// All names, in the order of the declaration.
+    pub fn names() -> Vec<&'static str> {
+        Self::ALL.into_iter().map(Self::name).collect()
+    }
+
+    /// Bytes of a pixel.
+    pub const fn bytes(self) -> usize {
+        match self {
+            Self::Rgb8 | Self::Bgr8 => 3,
+            Self::Rgba8 | Self::Bgra8 => 4,
+            Self::Mono8 => 1,
+        }
+    }
+
+    /// Where red, green and blue stand within a pixel.
+    pub const fn channels(self) -> [usize; 3] {
+        match self {
+            Self::Rgb8 | Self::Rgba8 => [0, 1, 2],
+            Self::Bgr8 | Self::Bgra8 => [2, 1, 0],
+            Self::Mono8 => [0, 0, 0],
+        }
+    }
+
+    /// Whether the encoding holds colour at all.
+    pub const fn is_colour(self) -> bool {
+        !matches!(self, Self::Mono8)
+    }
+}
+
+/// When an image was taken: nanoseconds since an epoch of the source's choosing. `None` where the source
+/// knows no time (a folder of images).
+pub type Stamp = Option<i64>;
+
+/// A borrowed image whose layout has been checked: all code behind it may index without further tests.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame<'a> {
+    data: &'a [u8],
+    width: u32,
+    height: u32,
+    step: usize,
+    encoding: Encoding,
+    stamp: Stamp,
+}
+
+impl<'a> Frame<'a> {
+    /// Checks the layout: `height` rows of `step` bytes, of which the first `width` pixels count. The last row
+    /// may end after its last pixel.
+    pub fn new(
+        data: &'a [u8],
+        width: u32,
+        height: u32,
+        step: usize,
+        encoding: Encoding,
+        stamp: Stamp,
+    ) -> Result<Self, FrameError> {
+        if width == 0 || height == 0 {
+            return Err(FrameError::Empty { width, height });
+        }
+        if width > MAX_SIDE || height > MAX_SIDE {
+            return Err(FrameError::TooLarge { width, height, limit: MAX_SIDE });
+        }
+        let row = width as usize * encoding.bytes();
+        if step < row {
+            return Err(FrameError::Step { step, width, encoding: encoding.name(), row });
+        }
+        let needed = step.saturating_mul(height as usize - 1).saturating_add(row);
+        if data.len() < needed {
+            return Err(FrameError::Data { len: data.len(), height, step, needed });
+        }
+        Ok(Self { data, width, height, step, encoding, stamp })
+    }
+
+    /// Width in pixels.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height in pixels.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// Layout of a pixel.
+    pub fn encoding(&self) -> Encoding {
+        self.encoding
+    }
+
+    /// When the image was taken.
+    pub fn stamp(&self) -> Stamp {
+        self.stamp
+    }
+
+    /// The whole image as a box.
+    pub fn bounds(&self) -> Rect {
+        Rect::new(0.0, 0.0, f64::from(self.width), f64::from(self.height))
+    }
+
+    /// The bytes of row `y`, without padding. Panics where `y` is not below the height.
+    pub fn row(&self, y: usize) -> &'a [u8] {
+        let start = y * self.step;
+        &self.data[start..start + self.width as usize * self.encoding.bytes()]
+    }
+
+    /// Red, green and blue of the pixel in column `x` of row `y`; grey thrice for mono.
+    pub fn rgb(&self, x: usize, y: usize) -> [u8; 3] {
+        let at = y * self.step + x * self.encoding.bytes();
+        self.encoding.channels().map(|c| self.data[at + c])
+    }
+
+    /// Checks that a target of this box can be followed from this frame on.
+    pub fn check_target(&self, rect: &Rect) -> Result<(), StartError> {
+        if !rect.is_finite() {
+            return Err(StartError::NotFinite(*rect));
+        }
+        if rect.w < MIN_TARGET_SIDE || rect.h < MIN_TARGET_SIDE {
+            return Err(StartError::TooSmall { rect: *rect, min: MIN_TARGET_SIDE });
+        }
+        let ratio = (rect.w / rect.h).max(rect.h / rect.w);
+        if ratio > MAX_TARGET_ASPECT {
+            return Err(StartError::TooThin { rect: *rect, ratio, max: MAX_TARGET_ASPECT });
+        }
+        let (width, height) = (self.width, self.height);
+        if rect.w > f64::from(width) || rect.h > f64::from(height) {
+            return Err(StartError::TooLarge { rect: *rect, width, height });
+        }
+        let visible = rect.intersection(&self.bounds()).area() / rect.area();
+        if visible < MIN_VISIBLE_SHARE {
+            return Err(StartError::Outside {
+                rect: *rect,
+                width,
+                height,
+                visible: 100.0 * visible,
+                min: 100.0 * MIN_VISIBLE_SHARE,
+            });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mono(data: &[u8], width: u32, height: u32, step: usize) -> Result<Frame<'_>, FrameError> {
+        Frame::new(data, width, height, step, Encoding::Mono8, None)
+    }
+
+    #[test]
+    fn layouts_that_do_not_hold_their_pixels_are_refused_with_the_values() {
+        let data = [0u8; 64];
+        assert_eq!(mono(&data, 0, 4, 4).unwrap_err(), FrameError::Empty { width: 0, height: 4 });
+        assert!(matches!(mono(&data, 1 << 20, 1, 1 << 20), Err(FrameError::TooLarge { .. })));
+        assert_eq!(
+            mono(&data, 8, 8, 7).unwrap_err().to_string(),
+            "step of 7 bytes is shorter than a row of 8 mono8 pixels (8 bytes)"
+        );
+        assert_eq!(
+            mono(&data, 8, 9, 8).unwrap_err().to_string(),
+            "data of 64 bytes is shorter than 9 rows of 8 bytes (at least 72)"
+        );
+        assert!(mono(&data, 8, 8, usize::MAX).is_err());
+        // The last row need not be padded.
+        assert!(mono(&data[..60], 4, 8, 8).is_ok());
+        assert!(Encoding::parse("rgb9").unwrap_err().to_string().contains("rgb8, bgr8"));
+    }
+
+    #[test]
+    fn pixels_are_read_in_the_order_of_their_encoding() {
+        let data = [1u8, 2, 3, 4, 5, 6, 7, 8];
+        let at = |encoding| Frame::new(&data, 2, 1, 8, encoding, None).unwrap().rgb(1, 0);
+        assert_eq!(at(Encoding::Rgb8), [4, 5, 6]);
+        assert_eq!(at(Encoding::Bgr8), [6, 5, 4]);
+        assert_eq!(at(Encoding::Rgba8), [5, 6, 7]);
+        assert_eq!(at(Encoding::Bgra8), [7, 6, 5]);
+        assert_eq!(at(Encoding::Mono8), [2, 2, 2]);
+    }
+
+    #[test]
+    fn boxes_that_cannot_be_followed_are_refused() {
+        let data = vec![0u8; 640 * 480];
+        let frame = mono(&data, 640, 480, 640).unwrap();
+        let check = |x, y, w, h| frame.check_target(&Rect::new(x, y, w, h));
+        assert!(check(10.0, 10.0, 40.0, 80.0).is_ok());
+        assert!(check(-19.0, 10.0, 40.0, 80.0).is_ok());
+        assert!(matches!(check(f64::NAN, 0.0, 9.0, 9.0), Err(StartError::NotFinite(_))));
+        assert!(matches!(check(5.0, 5.0, 0.0, 0.0), Err(StartError::TooSmall { .. })));
+        assert!(matches!(check(5.0, 5.0, 500.0, 3.0), Err(StartError::TooSmall { .. })));
+        assert!(matches!(check(5.0, 5.0, 500.0, 30.0), Err(StartError::TooThin { .. })));
+        assert!(matches!(check(0.0, 0.0, 700.0, 400.0), Err(StartError::TooLarge { .. })));
+        assert!(matches!(check(630.0, 10.0, 40.0, 80.0), Err(StartError::Outside { .. })));
+    }
+}

@@ -1,0 +1,17 @@
+//! Follows a target that a user marks in a camera stream, says when it has lost it, and finds it again.
+
+pub mod error;
+pub mod frame;
+pub mod geometry;
+pub mod params;
+pub mod session;
+pub mod trace;
+pub mod tracker;
+
+pub use error::{FrameError, ParamsError, StartError};
+pub use frame::{Encoding, Frame};
+pub use geometry::Rect;
+pub use params::Params;
+pub use session::Session;
+pub use trace::Trace;
+pub use tracker::{Output, State, Target};

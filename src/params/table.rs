@@ -1,0 +1,132 @@
+//! The macros that turn one table of parameters into a struct, its defaults, its descriptors and its access
+//! by name.
+
+use super::value::{Descriptor, Value};
+
+/// A set of parameters that can be reached by name. Made by [`group!`] and [`groups!`].
+pub(super) trait Group {
+    /// Adds the descriptor of each parameter, in the order of the table.
+    fn describe(out: &mut Vec<Descriptor>);
+    /// The present value of the parameter.
+    fn get(&self, name: &str) -> Option<Value>;
+    /// Stores a value of the right type. `None`: no such parameter here; `Some(false)`: another type or choice.
+    fn put(&mut self, name: &str, value: &Value) -> Option<bool>;
+}
+
+/// One group: each row is `field: type = default, [range,] ["unit",] [@fixed,] "description";`.
+macro_rules! group {
+    (
+        $(#[$meta:meta])*
+        pub struct $name:ident at $prefix:literal {
+            $($field:ident : $ty:ty = $default:expr
+                $(, in $range:expr)? $(, unit $unit:literal)? $(, @ $fixed:ident)? ; $doc:literal)*
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct $name {
+            $(#[doc = $doc] pub $field: $ty,)*
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($field: $default.into(),)* }
+            }
+        }
+
+        impl $crate::params::table::Group for $name {
+            fn describe(out: &mut Vec<$crate::params::Descriptor>) {
+                let defaults = Self::default();
+                $(out.push($crate::params::Descriptor {
+                    name: concat!($prefix, stringify!($field)),
+                    default: $crate::params::value::Stored::to_value(&defaults.$field),
+                    range: group!(@range $($range)?),
+                    choices: <$ty as $crate::params::value::Stored>::CHOICES,
+                    unit: concat!($($unit)?),
+                    description: $doc,
+                    live: concat!($(stringify!($fixed))?).is_empty(),
+                });)*
+            }
+
+            fn get(&self, name: &str) -> Option<$crate::params::Value> {
+                match name {
+                    $(concat!($prefix, stringify!($field)) =>
+                        Some($crate::params::value::Stored::to_value(&self.$field)),)*
+                    _ => None,
+                }
+            }
+
+            fn put(&mut self, name: &str, value: &$crate::params::Value) -> Option<bool> {
+                match name {
+                    $(concat!($prefix, stringify!($field)) => Some(
+                        match $crate::params::value::Stored::from_value(value) {
+                            Some(v) => { self.$field = v; true }
+                            None => false,
+                        }),)*
+                    _ => None,
+                }
+            }
+        }
+    };
+    (@range) => { None };
+    (@range $range:expr) => { Some($crate::params::Range::from($range)) };
+}
+
+/// A group of groups: `field: Type,` for each.
+macro_rules! groups {
+    (
+        $(#[$meta:meta])*
+        pub struct $name:ident {
+            $($(#[$field_meta:meta])* $field:ident : $ty:ty,)*
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq, Default)]
+        pub struct $name {
+            $($(#[$field_meta])* pub $field: $ty,)*
+        }
+
+        impl $crate::params::table::Group for $name {
+            fn describe(out: &mut Vec<$crate::params::Descriptor>) {
+                $(<$ty as $crate::params::table::Group>::describe(out);)*
+            }
+
+            fn get(&self, name: &str) -> Option<$crate::params::Value> {
+                None$(.or_else(|| self.$field.get(name)))*
+            }
+
+            fn put(&mut self, name: &str, value: &$crate::params::Value) -> Option<bool> {
+                None$(.or_else(|| self.$field.put(name, value)))*
+            }
+        }
+    };
+}
+
+/// An enum that is stored as one of a few strings.
+macro_rules! choice {
+    (
+        $(#[$meta:meta])*
+        pub enum $name:ident { $($(#[$variant_meta:meta])* $variant:ident = $text:literal,)* }
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $name { $($(#[$variant_meta])* $variant,)* }
+
+        impl $crate::params::value::Stored for $name {
+            const CHOICES: &'static [&'static str] = &[$($text,)*];
+
+            fn to_value(&self) -> $crate::params::Value {
+                $crate::params::Value::String(match self { $(Self::$variant => $text,)* }.to_owned())
+            }
+
+            fn from_value(value: &$crate::params::Value) -> Option<Self> {
+                match value {
+                    $($crate::params::Value::String(v) if v == $text => Some(Self::$variant),)*
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+pub(super) use {choice, group, groups};

@@ -1,0 +1,186 @@
+//! Values of parameters, the types a parameter may have, and the description of one.
+
+use std::fmt;
+
+/// The value of a parameter, of one of the types that ROS 2 knows.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// A boolean.
+    Bool(bool),
+    /// A 64-bit signed integer.
+    Integer(i64),
+    /// A 64-bit float.
+    Double(f64),
+    /// Text.
+    String(String),
+    /// A list of booleans.
+    BoolArray(Vec<bool>),
+    /// A list of integers.
+    IntegerArray(Vec<i64>),
+    /// A list of floats.
+    DoubleArray(Vec<f64>),
+    /// A list of texts.
+    StringArray(Vec<String>),
+}
+
+impl Value {
+    /// The type's name as messages and tables give it.
+    pub const fn kind(&self) -> Kind {
+        match self {
+            Self::Bool(_) => Kind::Bool,
+            Self::Integer(_) => Kind::Integer,
+            Self::Double(_) => Kind::Double,
+            Self::String(_) => Kind::String,
+            Self::BoolArray(_) => Kind::BoolArray,
+            Self::IntegerArray(_) => Kind::IntegerArray,
+            Self::DoubleArray(_) => Kind::DoubleArray,
+            Self::StringArray(_) => Kind::StringArray,
+        }
+    }
+}
+
+/// Writes the value as YAML in one line, so that what is printed can be read back.
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fn list<T>(f: &mut fmt::Formatter<'_>, items: &[T], one: impl Fn(&T) -> String) -> fmt::Result {
+            write!(f, "[{}]", items.iter().map(one).collect::<Vec<_>>().join(", "))
+        }
+        let double = |v: &f64| format!("{v:?}");
+        let quoted = |v: &String| format!("{v:?}");
+        match self {
+            Self::Bool(v) => write!(f, "{v}"),
+            Self::Integer(v) => write!(f, "{v}"),
+            Self::Double(v) => f.write_str(&double(v)),
+            Self::String(v) => f.write_str(&quoted(v)),
+            Self::BoolArray(v) => list(f, v, bool::to_string),
+            Self::IntegerArray(v) => list(f, v, i64::to_string),
+            Self::DoubleArray(v) => list(f, v, double),
+            Self::StringArray(v) => list(f, v, quoted),
+        }
+    }
+}
+
+/// The type of a parameter; the discriminants are those of `rcl_interfaces/msg/ParameterType`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Kind {
+    /// See [`Value::Bool`].
+    Bool = 1,
+    /// See [`Value::Integer`].
+    Integer = 2,
+    /// See [`Value::Double`].
+    Double = 3,
+    /// See [`Value::String`].
+    String = 4,
+    /// See [`Value::BoolArray`].
+    BoolArray = 6,
+    /// See [`Value::IntegerArray`].
+    IntegerArray = 7,
+    /// See [`Value::DoubleArray`].
+    DoubleArray = 8,
+    /// See [`Value::StringArray`].
+    StringArray = 9,
+}
+
+impl Kind {
+    /// The name in messages and tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Bool => "bool",
+            Self::Integer => "integer",
+            Self::Double => "double",
+            Self::String => "string",
+            Self::BoolArray => "bool array",
+            Self::IntegerArray => "integer array",
+            Self::DoubleArray => "double array",
+            Self::StringArray => "string array",
+        }
+    }
+}
+
+/// The closed interval a number must lie in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    /// For integers.
+    Integer(i64, i64),
+    /// For doubles.
+    Double(f64, f64),
+}
+
+impl From<std::ops::RangeInclusive<i64>> for Range {
+    fn from(r: std::ops::RangeInclusive<i64>) -> Self {
+        Self::Integer(*r.start(), *r.end())
+    }
+}
+
+impl From<std::ops::RangeInclusive<f64>> for Range {
+    fn from(r: std::ops::RangeInclusive<f64>) -> Self {
+        Self::Double(*r.start(), *r.end())
+    }
+}
+
+impl Range {
+    /// Whether the value is a number inside the interval; NaN never is.
+    pub fn contains(&self, value: &Value) -> bool {
+        match (self, value) {
+            (Self::Integer(lo, hi), Value::Integer(v)) => (lo..=hi).contains(&v),
+            (Self::Double(lo, hi), Value::Double(v)) => (lo..=hi).contains(&v),
+            _ => false,
+        }
+    }
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Integer(lo, hi) => write!(f, "{lo} to {hi}"),
+            Self::Double(lo, hi) => write!(f, "{lo} to {hi}"),
+        }
+    }
+}
+
+/// All that is known of a parameter besides its present value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Descriptor {
+    /// Full name, groups separated by dots.
+    pub name: &'static str,
+    /// Value before anybody sets it.
+    pub default: Value,
+    /// Interval of a number.
+    pub range: Option<Range>,
+    /// The values a string may take; empty where any will do.
+    pub choices: &'static [&'static str],
+    /// Unit of the value; empty where it has none.
+    pub unit: &'static str,
+    /// What it does, in one sentence.
+    pub description: &'static str,
+    /// Whether it may change while the program runs.
+    pub live: bool,
+}
+
+/// A Rust type that a parameter can be stored as.
+pub trait Stored: Sized {
+    /// The strings that stand for its values, where it is a choice.
+    const CHOICES: &'static [&'static str] = &[];
+    /// As a ROS value.
+    fn to_value(&self) -> Value;
+    /// From a ROS value of the right type; `None` for another type or choice.
+    fn from_value(value: &Value) -> Option<Self>;
+}
+
+macro_rules! stored {
+    ($($rust:ty => $variant:ident),* $(,)?) => {$(
+        impl Stored for $rust {
+            fn to_value(&self) -> Value {
+                Value::$variant(self.clone())
+            }
+            fn from_value(value: &Value) -> Option<Self> {
+                match value {
+                    Value::$variant(v) => Some(v.clone()),
+                    _ => None,
+                }
+            }
+        }
+    )*};
+}
+stored! { bool => Bool, i64 => Integer, f64 => Double, String => String }

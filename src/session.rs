@@ -1,0 +1,189 @@
+//! One stream of frames, one tracker: what the node, the offline commands and the tests all drive.
+//!
+//! Commands (start, stop, restart, retune) are calls between frames, so a frame is never half of one and half of
+//! another parameter set.
+
+use crate::error::StartError;
+use crate::frame::{Frame, Stamp};
+use crate::geometry::Rect;
+use crate::params::Params;
+use crate::trace::Trace;
+use crate::tracker::{self, Output, State, Target, Tracker};
+
+/// A tracker with the target it was given and the rhythm of its frames.
+pub struct Session {
+    params: Params,
+    tracker: Box<dyn Tracker>,
+    mark: Option<Rect>,
+    active: bool,
+    cadence: Cadence,
+    output: Output,
+    next_id: u32,
+}
+
+impl Session {
+    /// A session that waits for a mark.
+    pub fn new(params: Params) -> Self {
+        Self {
+            tracker: tracker::build(&params),
+            params,
+            mark: None,
+            active: false,
+            cadence: Cadence::default(),
+            output: Output::default(),
+            next_id: 0,
+        }
+    }
+
+    /// The parameters in force.
+    pub fn params(&self) -> &Params {
+        &self.params
+    }
+
+    /// Whether a target is being followed.
+    pub fn is_active(&self) -> bool {
+        self.active
+    }
+
+    /// Takes up the target in `rect`. A box that cannot be followed is refused and changes nothing.
+    pub fn start(&mut self, frame: &Frame, rect: Rect, trace: &mut dyn Trace) -> Result<&Output, StartError> {
+        frame.check_target(&rect)?;
+        self.tracker.start(frame, rect, trace);
+        self.cadence = Cadence::default();
+        self.cadence.advance(frame.stamp());
+        self.mark = Some(rect);
+        self.active = true;
+        self.output.targets.clear();
+        self.output.targets.push(Target {
+            id: self.next_id.to_string().into(),
+            rect,
+            velocity: [0.0; 2],
+            confidence: 1.0,
+            response: 0.0,
+            state: State::Tracking,
+            reacquired: false,
+            age: 0,
+            lost_for: 0,
+        });
+        self.next_id += 1;
+        Ok(&self.output)
+    }
+
+    /// Forgets the target.
+    pub fn stop(&mut self) {
+        self.active = false;
+        self.output.targets.clear();
+    }
+
+    /// The box of the last mark, to start from again; `None` before the first.
+    pub fn mark(&self) -> Option<Rect> {
+        self.mark
+    }
+
+    /// Takes over changed parameters from the next frame on. What is fixed stays as it was.
+    pub fn retune(&mut self, params: Params) {
+        self.tracker.retune(&params);
+        self.params = params;
+    }
+
+    /// Follows the target into the next frame. Without a target the output is empty and nothing is computed.
+    pub fn step(&mut self, frame: &Frame, trace: &mut dyn Trace) -> &Output {
+        if self.active {
+            let dt = self.cadence.advance(frame.stamp());
+            self.tracker.step(frame, dt, trace, &mut self.output);
+            for target in &mut self.output.targets {
+                target.velocity = target.velocity.map(|v| v * self.cadence.frame_rate());
+            }
+        }
+        &self.output
+    }
+
+    /// What was said of the last frame.
+    pub fn output(&self) -> &Output {
+        &self.output
+    }
+}
+
+/// How many intervals are remembered to find the frame period.
+const INTERVALS: usize = 15;
+/// A longer gap counts as this many periods: what is further away than this is searched for, not predicted.
+const MAX_PERIODS: f64 = 30.0;
+
+/// Turns stamps into whole numbers of frame periods, so that the jitter of a camera's clock does not reach the
+/// tracker and a stream gives the same boxes as the same images in a folder.
+#[derive(Debug, Default)]
+struct Cadence {
+    last: Stamp,
+    /// The latest intervals in nanoseconds, a ring.
+    intervals: [i64; INTERVALS],
+    count: usize,
+}
+
+impl Cadence {
+    /// The number of frame periods since the last frame, at least 1. Stamps that stand still or jump back (a bag
+    /// that loops) count as one period.
+    fn advance(&mut self, stamp: Stamp) -> f64 {
+        let last = std::mem::replace(&mut self.last, stamp);
+        let (Some(last), Some(now)) = (last, stamp) else {
+            return 1.0;
+        };
+        let interval = now.saturating_sub(last);
+        if interval <= 0 {
+            return 1.0;
+        }
+        self.intervals[self.count % INTERVALS] = interval;
+        self.count += 1;
+        (interval as f64 / self.period() as f64).round().clamp(1.0, MAX_PERIODS)
+    }
+
+    /// The frame period in nanoseconds: the lower quartile of the latest intervals, for skipped frames make
+    /// intervals longer and never shorter. 0 while no interval is known.
+    fn period(&self) -> i64 {
+        let known = self.count.min(INTERVALS);
+        let mut sorted = self.intervals;
+        let sorted = &mut sorted[..known];
+        sorted.sort_unstable();
+        sorted.get(known / 4).copied().unwrap_or(0)
+    }
+
+    /// Frames a second; 1 where no stamps tell.
+    fn frame_rate(&self) -> f64 {
+        match self.period() {
+            0 => 1.0,
+            period => 1e9 / period as f64,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn jitter_counts_as_one_period_and_gaps_as_whole_ones() {
+        let mut cadence = Cadence::default();
+        let ms = 1_000_000;
+        let mut now = 0;
+        let mut advance = |step: i64| {
+            now += step;
+            cadence.advance(Some(now))
+        };
+        for step in [33, 35, 31, 34, 33, 29, 38] {
+            assert_eq!(advance(step * ms), 1.0);
+        }
+        assert_eq!(advance(67 * ms), 2.0);
+        assert_eq!(advance(-500 * ms), 1.0, "a looping bag");
+        assert_eq!(advance(0), 1.0);
+        assert_eq!(advance(33 * ms), 1.0);
+        assert_eq!(advance(3_600_000 * ms), MAX_PERIODS);
+        assert!((cadence.frame_rate() - 30.0).abs() < 2.0);
+    }
+
+    #[test]
+    fn frames_without_stamps_are_one_period_apart() {
+        let mut cadence = Cadence::default();
+        assert_eq!(cadence.advance(None), 1.0);
+        assert_eq!(cadence.advance(None), 1.0);
+        assert_eq!(cadence.frame_rate(), 1.0);
+    }
+}

@@ -1,0 +1,75 @@
+//! What a tracker shows of its inside while it works, for debug images and timing.
+//!
+//! The core never draws and knows no clock: it calls a [`Trace`], and `()` is the one that does nothing.
+
+use crate::geometry::Rect;
+
+/// The parts of a step whose share of the time is told apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Cropping search windows and computing features.
+    Features,
+    /// Responses of the correlation filter and their peak.
+    Localise,
+    /// The scale filter.
+    Scale,
+    /// Scanning for a lost target.
+    Redetect,
+    /// Updating filters and classifier.
+    Learn,
+}
+
+impl Stage {
+    /// All stages, in the order of the declaration.
+    pub const ALL: [Self; 5] = [Self::Features, Self::Localise, Self::Scale, Self::Redetect, Self::Learn];
+
+    /// The name in the timing line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Features => "features",
+            Self::Localise => "localise",
+            Self::Scale => "scale",
+            Self::Redetect => "re-detect",
+            Self::Learn => "learn",
+        }
+    }
+}
+
+/// A fused response map with its place in the frame.
+#[derive(Clone, Copy, Debug)]
+pub struct ResponseMap<'a> {
+    /// Row-major values, `rows x cols`; row 0 is the top.
+    pub values: &'a [f32],
+    /// Number of rows.
+    pub rows: usize,
+    /// Number of columns.
+    pub cols: usize,
+    /// The part of the frame that the map covers, in pixels. The value of a cell is the response to a target
+    /// centred in that cell.
+    pub window: Rect,
+}
+
+/// A place where a lost target may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Proposal {
+    /// Where, in pixels.
+    pub rect: Rect,
+    /// The classifier's margin.
+    pub score: f64,
+}
+
+/// Receives what happens inside a step. Every method does nothing unless it is overridden.
+pub trait Trace {
+    /// A stage begins, and the one before it ends.
+    fn stage(&mut self, _stage: Stage) {}
+    /// The search window of this frame, in pixels.
+    fn search_window(&mut self, _window: Rect) {}
+    /// The motion model's guess before the frame was looked at, in pixels.
+    fn prediction(&mut self, _rect: Rect) {}
+    /// The fused response map over the search window.
+    fn response(&mut self, _map: &ResponseMap) {}
+    /// What the re-detector proposes on this frame.
+    fn proposals(&mut self, _proposals: &[Proposal]) {}
+}
+
+impl Trace for () {}

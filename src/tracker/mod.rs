@@ -1,0 +1,84 @@
+//! The interface of all trackers, and what they say of a target.
+
+pub mod lcmht;
+
+use std::sync::Arc;
+
+use crate::frame::Frame;
+use crate::geometry::Rect;
+use crate::params::{Algorithm, Params};
+use crate::trace::Trace;
+
+/// A single- or multi-target tracker.
+///
+/// Frames come in order. `dt` is the time since the frame before, in frame periods (1 where none was skipped).
+pub trait Tracker: Send {
+    /// Takes up the target in `rect`, which has been checked against the frame, and forgets any other.
+    fn start(&mut self, frame: &Frame, rect: Rect, trace: &mut dyn Trace);
+
+    /// Follows the target into the next frame and writes what is known of it to `output`.
+    fn step(&mut self, frame: &Frame, dt: f64, trace: &mut dyn Trace, output: &mut Output);
+
+    /// Takes over changed parameters; the track goes on.
+    fn retune(&mut self, params: &Params);
+}
+
+/// The tracker that the parameters name.
+pub fn build(params: &Params) -> Box<dyn Tracker> {
+    match params.general.algorithm {
+        Algorithm::Lcmht => Box::new(lcmht::Lcmht::new(params)),
+    }
+}
+
+/// How sure the tracker is of where the target is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum State {
+    /// The target is where the box is.
+    #[default]
+    Tracking,
+    /// It probably is; nothing is learned from this frame.
+    Uncertain,
+    /// It is not in sight. The box is the best guess, and it is being searched for.
+    Lost,
+}
+
+impl State {
+    /// The name in CSV files and log lines.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Tracking => "tracking",
+            Self::Uncertain => "uncertain",
+            Self::Lost => "lost",
+        }
+    }
+}
+
+/// What is known of one target on one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Target {
+    /// Name of the target; the same from start to end.
+    pub id: Arc<str>,
+    /// Where it is, in pixels.
+    pub rect: Rect,
+    /// Velocity of the centre: pixels a second, or pixels a frame where frames bear no stamps.
+    pub velocity: [f64; 2],
+    /// Share of such boxes that can be expected to be right, 0 to 1.
+    pub confidence: f32,
+    /// Peak of the fused response map; 0 where the algorithm has none.
+    pub response: f32,
+    /// How sure the tracker is.
+    pub state: State,
+    /// Whether it was found again on this very frame.
+    pub reacquired: bool,
+    /// Frames since the start, skipped ones not counted.
+    pub age: u32,
+    /// Frames since it was lost; 0 while it is not.
+    pub lost_for: u32,
+}
+
+/// What a tracker says of one frame.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Output {
+    /// One for trackers of a marked target; none before the mark.
+    pub targets: Vec<Target>,
+}
