@@ -1,6 +1,10 @@
 //! Follows a target that a user marks in a camera stream, says when it has lost it, and finds it again.
 
+pub mod crop;
+pub mod dcf;
 pub mod error;
+pub mod eval;
+pub mod features;
 pub mod frame;
 pub mod geometry;
 pub mod params;

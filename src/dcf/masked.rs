@@ -1,0 +1,357 @@
+//! The default correlation filter: confined to the target and trained on a memory of samples.
+//!
+//! Minimises, over filters f of D channels that vanish outside the mask m,
+//!
+//! ```text
+//! sum_k a_k | sum_d (m f_d) * x_kd - y |^2 + lambda |f|^2
+//! ```
+//!
+//! where `*` is cyclic cross-correlation, x_k are remembered samples with weights a_k that sum to 1, and y is the
+//! Gaussian label. The mask keeps the background out of the filter (in the manner of Kiani Galoogahi, Fagg and
+//! Lucey, *Learning background-aware correlation filters*, ICCV 2017); the memory keeps the target's earlier looks
+//! in it (in the manner of Danelljan et al., *ECO*, CVPR 2017). Solved by conjugate gradients on the normal
+//! equations, warm-started from the present filter: a step costs two FFTs a channel and no inversion.
+
+use rustfft::num_complex::Complex32;
+
+use super::fft::Fft2;
+use super::sample::Sample;
+
+/// The fixed settings of a filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Samples remembered at the most.
+    pub memory: usize,
+    /// Weight that a new sample gets.
+    pub learning_rate: f32,
+    /// Weight that the first sample never falls below.
+    pub first_weight: f32,
+    /// Weight of the filter's norm, relative to the mean energy of a sample's channels.
+    pub regularisation: f32,
+}
+
+/// The filter and the samples it was trained on.
+pub struct MaskedFilter {
+    settings: Settings,
+    channels: usize,
+    /// Spectra of the remembered samples, `memory x channels x bins`; the first is the first frame's.
+    samples: Vec<Complex32>,
+    /// Weight of each remembered sample; they sum to 1.
+    weights: Vec<f32>,
+    label: Vec<Complex32>,
+    /// Indices of the cells where the filter may differ from zero.
+    support: Vec<u32>,
+    /// Filter coefficients, `channels x support`.
+    coefficients: Vec<f32>,
+    /// Spectra of the filter, `channels x bins`.
+    filter: Vec<Complex32>,
+    solver: Solver,
+}
+
+/// Vectors of the conjugate gradient method and scratch for the transforms.
+#[derive(Default)]
+struct Solver {
+    residual: Vec<f32>,
+    direction: Vec<f32>,
+    image: Vec<f32>,
+    map: Vec<f32>,
+    spectra: Vec<Complex32>,
+    sums: Vec<Complex32>,
+}
+
+impl MaskedFilter {
+    /// An untrained filter. `label` and `mask` are maps of the shape of `fft`.
+    pub fn new(settings: Settings, fft: &mut Fft2, channels: usize, label: &[f32], mask: &[f32]) -> Self {
+        let mut spectrum = vec![Complex32::default(); fft.bins()];
+        fft.forward(label, &mut spectrum);
+        let support: Vec<u32> = (0..mask.len() as u32).filter(|&i| mask[i as usize] > 0.0).collect();
+        let unknowns = channels * support.len();
+        Self {
+            settings,
+            channels,
+            samples: Vec::with_capacity(settings.memory * channels * fft.bins()),
+            weights: Vec::with_capacity(settings.memory),
+            label: spectrum,
+            coefficients: vec![0.0; unknowns],
+            filter: vec![Complex32::default(); channels * fft.bins()],
+            solver: Solver {
+                residual: vec![0.0; unknowns],
+                direction: vec![0.0; unknowns],
+                image: vec![0.0; unknowns],
+                map: vec![0.0; fft.cells()],
+                spectra: vec![Complex32::default(); channels * fft.bins()],
+                sums: vec![Complex32::default(); fft.bins()],
+            },
+            support,
+        }
+    }
+
+    /// Samples in the memory.
+    pub fn remembered(&self) -> usize {
+        self.weights.len()
+    }
+
+    /// Puts a sample into the memory with weight `learning_rate` (the first: 1), without training. When the memory
+    /// is full, the lightest sample but the first gives way.
+    pub fn remember(&mut self, sample: &Sample, learning_rate: f32) {
+        let size = sample.spectra.len();
+        if self.weights.is_empty() {
+            self.weights.push(1.0);
+            self.samples.extend_from_slice(&sample.spectra);
+            return;
+        }
+        self.weights.iter_mut().for_each(|w| *w *= 1.0 - learning_rate);
+        if self.weights.len() < self.settings.memory {
+            self.weights.push(learning_rate);
+            self.samples.extend_from_slice(&sample.spectra);
+        } else {
+            let lightest = (1..self.weights.len())
+                .min_by(|&a, &b| self.weights[a].total_cmp(&self.weights[b]))
+                .expect("a memory holds at least two samples");
+            self.weights[lightest] = learning_rate;
+            self.samples[lightest * size..(lightest + 1) * size].copy_from_slice(&sample.spectra);
+        }
+        self.weights[0] = self.weights[0].max(self.settings.first_weight);
+        let sum: f32 = self.weights.iter().sum();
+        self.weights.iter_mut().for_each(|w| *w /= sum);
+    }
+
+    /// Adds a sample and improves the filter by `steps` of conjugate gradients.
+    pub fn learn(&mut self, fft: &mut Fft2, sample: &Sample, learning_rate: f32, steps: usize) {
+        self.remember(sample, learning_rate);
+        self.train(fft, steps);
+    }
+
+    /// Improves the filter on the memory by `steps` of conjugate gradients.
+    pub fn train(&mut self, fft: &mut Fft2, steps: usize) {
+        let lambda = self.settings.regularisation * self.energy(fft);
+        self.right_hand_side(fft);
+        // residual = b - A f, direction = residual
+        let mut coefficients = std::mem::take(&mut self.coefficients);
+        self.apply(fft, &coefficients, lambda);
+        for (r, a) in self.solver.residual.iter_mut().zip(&self.solver.image) {
+            *r -= a;
+        }
+        self.solver.direction.copy_from_slice(&self.solver.residual);
+        let mut rho = dot(&self.solver.residual, &self.solver.residual);
+        for _ in 0..steps {
+            if rho <= f64::from(f32::MIN_POSITIVE) {
+                break;
+            }
+            let direction = std::mem::take(&mut self.solver.direction);
+            self.apply(fft, &direction, lambda);
+            self.solver.direction = direction;
+            let Solver { residual, direction, image, .. } = &mut self.solver;
+            let alpha = (rho / dot(direction, image)) as f32;
+            coefficients.iter_mut().zip(direction.iter()).for_each(|(f, d)| *f += alpha * d);
+            residual.iter_mut().zip(image.iter()).for_each(|(r, a)| *r -= alpha * a);
+            let next = dot(residual, residual);
+            let beta = (next / rho) as f32;
+            direction.iter_mut().zip(residual.iter()).for_each(|(d, r)| *d = r + beta * *d);
+            rho = next;
+        }
+        let mut filter = std::mem::take(&mut self.filter);
+        self.transform(fft, &coefficients, &mut filter);
+        self.filter = filter;
+        self.coefficients = coefficients;
+    }
+
+    /// The response map to a sample: 1 at the peak for what the filter was trained to answer.
+    pub fn respond(&mut self, fft: &mut Fft2, sample: &Sample, response: &mut [f32]) {
+        correlate(&self.filter, &sample.spectra, &mut self.solver.sums);
+        fft.inverse(&self.solver.sums, response);
+    }
+
+    /// Mean energy of the first sample's channels over the cells: the scale of the normal equations.
+    fn energy(&self, fft: &Fft2) -> f32 {
+        let size = self.channels * fft.bins();
+        let sum: f32 = self.samples[..size].iter().map(|v| v.norm_sqr()).sum();
+        sum / (self.channels * fft.cells()) as f32
+    }
+
+    /// b = sum_k a_k x_k * y on the support, into the residual.
+    fn right_hand_side(&mut self, fft: &mut Fft2) {
+        let Solver { spectra, map, residual, .. } = &mut self.solver;
+        let bins = fft.bins();
+        spectra.fill(Complex32::default());
+        for (sample, &weight) in self.samples.chunks_exact(self.channels * bins).zip(&self.weights) {
+            accumulate(spectra, sample, &self.label, weight);
+        }
+        gather(fft, spectra, map, &self.support, residual);
+    }
+
+    /// image = A f with A = sum_k a_k X_k^T X_k + lambda, confined to the support.
+    fn apply(&mut self, fft: &mut Fft2, coefficients: &[f32], lambda: f32) {
+        let mut filter = std::mem::take(&mut self.filter);
+        self.transform(fft, coefficients, &mut filter);
+        let Solver { spectra, sums, map, image, .. } = &mut self.solver;
+        spectra.fill(Complex32::default());
+        for (sample, &weight) in self.samples.chunks_exact(filter.len()).zip(&self.weights) {
+            correlate(&filter, sample, sums);
+            accumulate(spectra, sample, sums, weight);
+        }
+        gather(fft, spectra, map, &self.support, image);
+        image.iter_mut().zip(coefficients).for_each(|(i, f)| *i += lambda * f);
+        self.filter = filter;
+    }
+
+    /// Spectra of the filter whose coefficients on the support are given.
+    fn transform(&mut self, fft: &mut Fft2, coefficients: &[f32], filter: &mut [Complex32]) {
+        let map = &mut self.solver.map;
+        let channels = coefficients.chunks_exact(self.support.len());
+        for (values, spectrum) in channels.zip(filter.chunks_exact_mut(fft.bins())) {
+            map.fill(0.0);
+            for (&cell, &value) in self.support.iter().zip(values) {
+                map[cell as usize] = value;
+            }
+            fft.forward(map, spectrum);
+        }
+    }
+}
+
+/// sums = sum over channels of conj(filter) x sample.
+fn correlate(filter: &[Complex32], sample: &[Complex32], sums: &mut [Complex32]) {
+    sums.fill(Complex32::default());
+    for (f, x) in filter.chunks_exact(sums.len()).zip(sample.chunks_exact(sums.len())) {
+        for ((s, f), x) in sums.iter_mut().zip(f).zip(x) {
+            s.re += f.re * x.re + f.im * x.im;
+            s.im += f.re * x.im - f.im * x.re;
+        }
+    }
+}
+
+/// spectra += weight x sample x conj(response), channel by channel.
+fn accumulate(spectra: &mut [Complex32], sample: &[Complex32], response: &[Complex32], weight: f32) {
+    for (out, x) in spectra.chunks_exact_mut(response.len()).zip(sample.chunks_exact(response.len())) {
+        for ((o, x), r) in out.iter_mut().zip(x).zip(response) {
+            o.re += weight * (x.re * r.re + x.im * r.im);
+            o.im += weight * (x.im * r.re - x.re * r.im);
+        }
+    }
+}
+
+/// The values on the support of the maps whose spectra are given.
+fn gather(fft: &mut Fft2, spectra: &[Complex32], map: &mut [f32], support: &[u32], out: &mut [f32]) {
+    for (spectrum, values) in spectra.chunks_exact(fft.bins()).zip(out.chunks_exact_mut(support.len())) {
+        fft.inverse(spectrum, map);
+        values.iter_mut().zip(support).for_each(|(v, &cell)| *v = map[cell as usize]);
+    }
+}
+
+fn dot(a: &[f32], b: &[f32]) -> f64 {
+    // Sums of a thousand products in f32, the whole in f64: as exact as needed and still vectorised.
+    a.chunks(1024)
+        .zip(b.chunks(1024))
+        .map(|(a, b)| {
+            let mut lanes = [0.0f32; 8];
+            for (a, b) in a.chunks(8).zip(b.chunks(8)) {
+                a.iter().zip(b).zip(&mut lanes).for_each(|((a, b), l)| *l += a * b);
+            }
+            f64::from(lanes.iter().sum::<f32>())
+        })
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dcf::response::highest;
+    use crate::dcf::window::{label, mask};
+
+    const ROWS: usize = 6;
+    const COLS: usize = 8;
+    const CHANNELS: usize = 2;
+
+    fn maps(seed: usize) -> Vec<f32> {
+        (0..CHANNELS * ROWS * COLS)
+            .map(|i| ((i * i * 13 + i * (7 + seed) + seed * 31) % 53) as f32 / 53.0 - 0.5)
+            .collect()
+    }
+
+    fn sample(fft: &mut Fft2, maps: &[f32]) -> Sample {
+        let mut spectra = vec![Complex32::default(); CHANNELS * fft.bins()];
+        for (map, spectrum) in maps.chunks_exact(ROWS * COLS).zip(spectra.chunks_exact_mut(fft.bins())) {
+            fft.forward(map, spectrum);
+        }
+        Sample { layers: vec![0..CHANNELS], spectra }
+    }
+
+    const SETTINGS: Settings = Settings { memory: 3, learning_rate: 0.3, first_weight: 0.2, regularisation: 0.05 };
+
+    /// The normal equations written out as a dense matrix in the spatial domain and solved directly.
+    #[test]
+    fn training_agrees_with_the_dense_least_squares_solution() {
+        let mut fft = Fft2::new(ROWS, COLS);
+        let (y, m) = (label(ROWS, COLS, 0.8), mask(ROWS, COLS, 4.0, 2.0));
+        let mut filter = MaskedFilter::new(SETTINGS, &mut fft, CHANNELS, &y, &m);
+        let all: Vec<Vec<f32>> = (0..3).map(maps).collect();
+        for maps in &all {
+            let s = sample(&mut fft, maps);
+            filter.learn(&mut fft, &s, SETTINGS.learning_rate, 200);
+        }
+        let weights = [0.7 * 0.7, 0.3 * 0.7, 0.3];
+        let support: Vec<usize> = (0..ROWS * COLS).filter(|&i| m[i] > 0.0).collect();
+        let n = CHANNELS * support.len();
+        let energy: f64 = all[0].iter().map(|v| f64::from(v * v)).sum::<f64>() / CHANNELS as f64;
+        // Mean energy as the filter defines it counts the half spectrum only; take its own figure.
+        let lambda = f64::from(SETTINGS.regularisation * filter.energy(&fft));
+        assert!(lambda > 0.0 && energy > 0.0);
+        let mut a = nalgebra::DMatrix::<f64>::identity(n, n) * lambda;
+        let mut b = nalgebra::DVector::<f64>::zeros(n);
+        for (maps, weight) in all.iter().zip(weights) {
+            // Row of the design matrix for each displacement: x[n + m] for the unknown (channel, m).
+            for t in 0..ROWS * COLS {
+                let row: Vec<f64> = (0..n)
+                    .map(|u| {
+                        let (channel, cell) = (u / support.len(), support[u % support.len()]);
+                        let r = (t / COLS + cell / COLS) % ROWS;
+                        let c = (t % COLS + cell % COLS) % COLS;
+                        f64::from(maps[channel * ROWS * COLS + r * COLS + c])
+                    })
+                    .collect();
+                for i in 0..n {
+                    b[i] += weight * row[i] * f64::from(y[t]);
+                    for j in 0..n {
+                        a[(i, j)] += weight * row[i] * row[j];
+                    }
+                }
+            }
+        }
+        let exact = a.lu().solve(&b).unwrap();
+        for (got, want) in filter.coefficients.iter().zip(exact.iter()) {
+            assert!((f64::from(*got) - want).abs() < 1e-4, "{got} {want}");
+        }
+    }
+
+    #[test]
+    fn the_response_follows_a_shifted_target() {
+        let mut fft = Fft2::new(ROWS, COLS);
+        let (y, m) = (label(ROWS, COLS, 0.8), mask(ROWS, COLS, 4.0, 4.0));
+        let mut filter = MaskedFilter::new(SETTINGS, &mut fft, CHANNELS, &y, &m);
+        let mut s = sample(&mut fft, &maps(1));
+        filter.learn(&mut fft, &s, 1.0, 50);
+        s.shift(&fft, [2.0, -1.0]);
+        let mut response = vec![0.0; ROWS * COLS];
+        filter.respond(&mut fft, &s, &mut response);
+        let peak = highest(&response, ROWS, COLS, false);
+        assert_eq!(peak.displacement, [2.0, -1.0]);
+        assert!(peak.value > 0.3, "{}", peak.value);
+    }
+
+    #[test]
+    fn a_full_memory_drops_the_lightest_sample_and_keeps_the_first() {
+        let mut fft = Fft2::new(ROWS, COLS);
+        let (y, m) = (label(ROWS, COLS, 0.8), mask(ROWS, COLS, 4.0, 4.0));
+        let mut filter = MaskedFilter::new(SETTINGS, &mut fft, CHANNELS, &y, &m);
+        let first = sample(&mut fft, &maps(0));
+        filter.remember(&first, 0.3);
+        for seed in 1..9 {
+            let s = sample(&mut fft, &maps(seed));
+            filter.remember(&s, 0.3);
+            assert!((filter.weights.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+        }
+        assert_eq!(filter.remembered(), 3);
+        assert_eq!(filter.samples[..first.spectra.len()], first.spectra[..]);
+        assert!(filter.weights[0] > 0.15);
+    }
+}

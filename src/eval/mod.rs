@@ -1,0 +1,3 @@
+//! Scores of box sequences against ground truth.
+
+pub mod otb;

@@ -1,0 +1,48 @@
+//! Feature maps of image patches, on a grid of square cells.
+//!
+//! | file | feature | channels |
+//! |---|---|---|
+//! | `hog.rs` | Felzenszwalb's histogram of oriented gradients | 31 |
+//! | `colour_names.rs` | colour names of van de Weijer et al. | 11 |
+//! | `luv.rs` | CIE LUV, and the normalised gradient magnitude | 3 and 1 |
+//! | `pca.rs` | projection of channels on to their principal components | as asked |
+
+pub mod colour_names;
+pub mod hog;
+pub mod layers;
+pub mod luv;
+pub mod pca;
+
+/// Side of a cell, in pixels of the patch.
+pub const CELL: usize = 4;
+
+/// A feature map: `channels` planes, each row-major `rows x cols`; row 0 is the top.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FeatureMap {
+    /// Number of rows.
+    pub rows: usize,
+    /// Number of columns.
+    pub cols: usize,
+    /// Number of channels.
+    pub channels: usize,
+    /// The values, channel after channel.
+    pub data: Vec<f32>,
+}
+
+impl FeatureMap {
+    /// Takes on a shape; the values are then unspecified.
+    pub fn resize(&mut self, rows: usize, cols: usize, channels: usize) {
+        (self.rows, self.cols, self.channels) = (rows, cols, channels);
+        self.data.resize(rows * cols * channels, 0.0);
+    }
+
+    /// Cells of a plane.
+    pub fn cells(&self) -> usize {
+        self.rows * self.cols
+    }
+
+    /// The plane of a channel.
+    pub fn plane(&self, channel: usize) -> &[f32] {
+        &self.data[channel * self.cells()..(channel + 1) * self.cells()]
+    }
+}
