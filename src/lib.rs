@@ -3,6 +3,7 @@
 pub mod error;
 pub mod frame;
 pub mod geometry;
+pub mod learn;
 pub mod params;
 pub mod session;
 pub mod trace;
