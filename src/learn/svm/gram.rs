@@ -25,6 +25,10 @@ impl Gram {
         self.dim
     }
 
+    pub(super) fn gamma(&self) -> f64 {
+        self.gamma
+    }
+
     pub(super) fn len(&self) -> usize {
         self.rows.len()
     }
@@ -43,8 +47,8 @@ impl Gram {
         (-self.gamma * squared_distance(self.features(i), x)).exp()
     }
 
-    /// Appends an example.
-    pub(super) fn push(&mut self, x: &[f32]) {
+    /// Appends an example; its row of the kernel matrix.
+    pub(super) fn push(&mut self, x: &[f32]) -> &[f64] {
         let mut row: Vec<f64> = (0..self.len()).map(|i| self.kernel(i, x)).collect();
         for (other, &k) in self.rows.iter_mut().zip(&row) {
             other.push(k);
@@ -52,6 +56,7 @@ impl Gram {
         row.push(1.0 + RIDGE);
         self.rows.push(row);
         self.features.extend_from_slice(x);
+        &self.rows[self.len() - 1]
     }
 
     /// Takes example `i` out; the last one moves into its place.

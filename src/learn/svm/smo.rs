@@ -5,37 +5,45 @@
 
 use super::state::{Set, State};
 
-/// Most steps of a solution.
-const MAX_STEPS: usize = 100_000;
+/// Most steps to one tolerance. It bounds the time only: a hundred examples take some thousand steps.
+const MAX_STEPS: usize = 50_000;
+/// Tolerances in turn. Margin vectors are found by the first as a rule; one exact step on them then ends the search.
+const TOLERANCES: [f64; 3] = [1e-6, 1e-9, 1e-12];
 
 impl State {
     /// Solves the problem of all kept examples.
     pub(super) fn resolve(&mut self) {
+        self.resolves += 1;
         self.alphas.fill(0.0);
         self.bias = 0.0;
         self.refresh_margins();
-        for _ in 0..MAX_STEPS {
-            if !self.optimise_pair(1e-12) {
-                break;
+        for tolerance in TOLERANCES {
+            (0..MAX_STEPS).take_while(|_| self.optimise_pair(tolerance)).count();
+            self.bias = self.central_bias();
+            let (alphas, bias) = (self.alphas.clone(), self.bias);
+            self.assign_sets();
+            if self.polish() {
+                return self.centre_bias();
             }
+            (self.alphas, self.bias) = (alphas, bias);
+            self.refresh_margins();
         }
-        let (up, low) = self.bias_interval();
-        self.bias = match (up.is_finite(), low.is_finite()) {
-            (true, true) => (up + low) / 2.0,
-            (true, false) => up,
-            (false, true) => low,
-            (false, false) => 0.0,
-        };
-        self.refresh_margins();
-        for i in 0..self.len() {
-            self.sets[i] = if self.alphas[i] <= 0.0 {
+        self.assign_sets();
+    }
+
+    /// Puts every example into the set that its coefficient tells.
+    fn assign_sets(&mut self) {
+        for (set, &a) in self.sets.iter_mut().zip(&self.alphas) {
+            *set = if a <= 0.0 {
                 Set::Reserve
-            } else if self.alphas[i] >= self.c {
+            } else if a >= self.c {
                 Set::Error
             } else {
                 Set::Margin
             };
         }
+        let members: Vec<usize> = (0..self.len()).filter(|&i| self.sets[i] == Set::Margin).collect();
+        self.rebuild_border(&members);
     }
 
     /// Whether `a_i y_i` can grow.
@@ -48,12 +56,16 @@ impl State {
         if self.labels[i] > 0.0 { self.alphas[i] > 0.0 } else { self.alphas[i] < self.c }
     }
 
-    /// The least and the greatest bias that agree with all examples, which coincide where a coefficient is free.
-    pub(super) fn bias_interval(&self) -> (f64, f64) {
-        let target = |i: &usize| self.bias - self.labels[*i] * self.margins[*i];
-        let least = (0..self.len()).filter(|&i| self.can_rise(i)).map(|i| target(&i)).fold(f64::NEG_INFINITY, f64::max);
-        let greatest = (0..self.len()).filter(|&i| self.can_fall(i)).map(|i| target(&i)).fold(f64::INFINITY, f64::min);
-        (least, greatest)
+    /// The centre of the biases that agree with all examples; they coincide where a coefficient is free. With one class
+    /// there is one end, which is taken; 0 without examples.
+    pub(super) fn central_bias(&self) -> f64 {
+        let target = |i: usize| self.bias - self.labels[i] * self.margins[i];
+        let least = (0..self.len()).filter(|&i| self.can_rise(i)).map(target).reduce(f64::max);
+        let greatest = (0..self.len()).filter(|&i| self.can_fall(i)).map(target).reduce(f64::min);
+        match (least, greatest) {
+            (Some(least), Some(greatest)) => (least + greatest) / 2.0,
+            (end, None) | (None, end) => end.unwrap_or(0.0),
+        }
     }
 
     /// Optimises the pair of coefficients that promises most; false where none violates the conditions by `tolerance`.
