@@ -7,6 +7,7 @@ pub mod eval;
 pub mod features;
 pub mod frame;
 pub mod geometry;
+pub mod learn;
 pub mod params;
 pub mod session;
 pub mod trace;

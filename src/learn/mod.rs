@@ -1,0 +1,3 @@
+//! Classifiers that learn while the target is followed.
+
+pub mod svm;
