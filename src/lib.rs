@@ -2,6 +2,7 @@
 
 pub mod crop;
 pub mod dcf;
+pub mod detect;
 pub mod error;
 pub mod eval;
 pub mod features;
