@@ -5,6 +5,7 @@ pub mod dcf;
 pub mod error;
 pub mod eval;
 pub mod features;
+pub mod filter;
 pub mod frame;
 pub mod geometry;
 pub mod learn;
