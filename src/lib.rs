@@ -6,6 +6,7 @@ pub mod detect;
 pub mod error;
 pub mod eval;
 pub mod features;
+pub mod filter;
 pub mod frame;
 pub mod geometry;
 pub mod learn;

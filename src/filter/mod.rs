@@ -1,0 +1,17 @@
+//! Temporal filters: where the target is thought to be, given all that was measured so far.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `motion.rs` | the constant-velocity models of a box: `F`, `Q`, `H`, `R` at any time step |
+//! | `kalman.rs` | prediction and correction of one Gaussian, and the likelihood of a measurement |
+//!
+//! `N` is the length of a state, `M` that of a measurement. All vectors and matrices have their size in their type, so
+//! that none of them is on the heap. Time is in frame periods.
+
+pub mod kalman;
+pub mod motion;
+
+/// A column of `N` numbers.
+pub type Vector<const N: usize> = nalgebra::SVector<f64, N>;
+/// A matrix of `R` rows and `C` columns.
+pub type Matrix<const R: usize, const C: usize> = nalgebra::SMatrix<f64, R, C>;
