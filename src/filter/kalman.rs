@@ -1,8 +1,8 @@
 //! The Kalman filter's two steps on one Gaussian, for any linear Gaussian model.
 //!
-//! With the paper's letters (LCMHT, eqs 17, 18, 21 and 23): mean `m`, covariance `P`, transition `F`, process noise `Q`,
-//! measurement matrix `H`, measurement noise `R`, gain `K`, measurement `z`, and `S = H P H^T + R`, the covariance of the
-//! innovation `z - H m`.
+//! With the paper's letters (LCMHT, eqs 17, 18, 21 and 23): mean `m`, covariance `P`, transition `F`, process noise
+//! `Q`, measurement matrix `H`, measurement noise `R`, gain `K`, measurement `z`, and `S = H P H^T + R`, the covariance
+//! of the innovation `z - H m`.
 
 use nalgebra::{Cholesky, Const};
 
@@ -45,8 +45,8 @@ pub struct Correction<const N: usize, const M: usize> {
 impl<const N: usize, const M: usize> Correction<N, M> {
     /// The update of `prior` by measurements `H x + v`, `v ~ N(0, R)`.
     ///
-    /// The covariance comes from the Joseph form, `(I - K H) P (I - K H)^T + K R K^T`, which stays positive definite where
-    /// `(I - K H) P` is lost to rounding.
+    /// The covariance comes from the Joseph form, `(I - K H) P (I - K H)^T + K R K^T`, which stays positive definite
+    /// where `(I - K H) P` is lost to rounding.
     ///
     /// `None` if `S` is not positive definite in `f64`: `R` or the prior's covariance is not.
     pub fn new(prior: &Gaussian<N>, h: &Matrix<M, N>, r: &Matrix<M, M>) -> Option<Self> {

@@ -4,11 +4,15 @@
 //! |---|---|
 //! | `motion.rs` | the constant-velocity models of a box: `F`, `Q`, `H`, `R` at any time step |
 //! | `kalman.rs` | prediction and correction of one Gaussian, and the likelihood of a measurement |
+//! | `mixture.rs` | Gaussian mixtures: pruning, merging, the cap on components |
+//! | `gm_phd.rs` | the Gaussian-mixture probability hypothesis density filter, composed of the three above |
 //!
 //! `N` is the length of a state, `M` that of a measurement. All vectors and matrices have their size in their type, so
 //! that none of them is on the heap. Time is in frame periods.
 
+pub mod gm_phd;
 pub mod kalman;
+pub mod mixture;
 pub mod motion;
 
 /// A column of `N` numbers.

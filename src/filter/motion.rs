@@ -4,8 +4,8 @@
 //! A model is linear and Gaussian: `x_k = F x_{k-1} + w`, `w ~ N(0, Q)`, and `z_k = H x_k + v`, `v ~ N(0, R)`. Each
 //! measured quantity moves on its own, in one of two ways over a time step `dt`:
 //!
-//! * with a velocity, disturbed by an acceleration that is constant over the step and white from step to step (eqs 8 and
-//!   11): `p += dt v + dt^2/2 w`, `v += dt w`;
+//! * with a velocity, disturbed by an acceleration that is constant over the step and white from step to step (eqs 8
+//!   and 11): `p += dt v + dt^2/2 w`, `v += dt w`;
 //! * without one, as a random walk (eq 10): `p += w`, with the same variance in each step, whatever its length.
 //!
 //! Four forms of a box are offered. They differ in how the size is written and in what has a velocity:
@@ -13,12 +13,13 @@
 //! | constructor | state | measurement | follows |
 //! |---|---|---|---|
 //! | [`MotionModel::centre_size`] | `[x, y, vx, vy, w, h]` | `[x, y, w, h]` | the paper, eqs 10 to 20 |
-//! | [`MotionModel::centre_moving_size`] | `[x, y, vx, vy, w, h, vw, vh]` | `[x, y, w, h]` | the paper, eq 11 for both sides |
-//! | [`MotionModel::centre_area_aspect`] | `[x, y, s, r, vx, vy, vs]` | `[x, y, s, r]` | SORT (Bewley et al. 2016) |
-//! | [`MotionModel::centre_aspect_height`] | `[x, y, a, h, vx, vy, va, vh]` | `[x, y, a, h]` | DeepSORT (Wojke et al. 2017) |
+//! | [`MotionModel::centre_moving_size`] | `[x, y, vx, vy, w, h, vw, vh]` | `[x, y, w, h]` | the paper, eq 11 twice |
+//! | [`MotionModel::centre_area_aspect`] | `[x, y, s, r, vx, vy, vs]` | `[x, y, s, r]` | SORT (Bewley et al) |
+//! | [`MotionModel::centre_aspect_height`] | `[x, y, a, h, vx, vy, va, vh]` | `[x, y, a, h]` | DeepSORT (Wojke et al) |
 //!
-//! `(x, y)` is the centre, `w` and `h` the sides, `s = w h` the area, `r = a = w / h` the aspect ratio, which SORT holds
-//! without a velocity. From SORT and DeepSORT come the states; the noises are derived as the paper derives its own.
+//! `(x, y)` is the centre, `w` and `h` the sides, `s = w h` the area, `r = a = w / h` the aspect ratio, which SORT
+//! holds without a velocity. From SORT and DeepSORT come the states; the noises are derived as the paper derives its
+//! own.
 //!
 //! Units: pixels and frame periods, so a velocity is in px/frame, the variance of an acceleration in px^2/frame^4.
 

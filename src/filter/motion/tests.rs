@@ -155,7 +155,8 @@ fn centre_aspect_height_at_two_frames() {
 /// Checks `F` and `Q` of `model` against `step`, the model's scalar equations with the noises as an argument.
 ///
 /// `Q` is the expectation of the outer product of what the noises add to a state. It is taken exactly, over noises of
-/// plus or minus one standard deviation, each with probability 1/2: they have the right mean, variance and independence.
+/// plus or minus one standard deviation, each with probability 1/2: they have the right mean, variance and
+/// independence.
 fn check_expectation<const N: usize>(
     model: &MotionModel<N, 4>,
     dt: f64,

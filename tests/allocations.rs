@@ -1,0 +1,70 @@
+//! Steps that must not allocate once their buffers have grown, watched by the allocator itself.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use long_term_tracker::filter::Vector;
+use long_term_tracker::filter::gm_phd::{GmPhd, GmPhdSettings};
+use long_term_tracker::filter::motion::{MotionModel, Noise};
+
+thread_local! {
+    /// Allocations of this thread: tests run side by side.
+    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+struct Counting;
+
+// SAFETY: every call goes to `System` as it came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.with(|n| n.set(n.get() + 1));
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        ALLOCATIONS.with(|n| n.set(n.get() + 1));
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// How often `work` allocates.
+fn allocations(work: impl FnOnce()) -> usize {
+    let before = ALLOCATIONS.get();
+    work();
+    ALLOCATIONS.get() - before
+}
+
+#[test]
+fn the_counter_counts() {
+    assert!(allocations(|| drop(std::hint::black_box(vec![1, 2, 3]))) > 0);
+}
+
+/// A tracked box in most frames, five proposals in some.
+#[test]
+fn gm_phd_steps_allocate_nothing_once_warm() {
+    let noise = Noise { process: [0.5, 0.5, 1.0, 1.0], measurement: [4.0, 4.0, 9.0, 9.0] };
+    let model = MotionModel::centre_size(noise);
+    let birth = model.diagonal(&Vector::repeat(25.0), &Vector::repeat(25.0));
+    let mut filter = GmPhd::new(model, GmPhdSettings::new(640.0 * 480.0 * 20.0 * 40.0, birth));
+    let round = |filter: &mut GmPhd<6, 4>| {
+        for frame in 0..40 {
+            let t = f64::from(frame);
+            let target = Vector::from([100.0 + 3.0 * t, 200.0, 30.0, 60.0]);
+            let proposals =
+                [-80.0, -31.0, 0.0, 44.0, 90.0].map(|shift| target + Vector::from([shift, shift, 0.0, 0.0]));
+            filter.predict(1.0);
+            filter.update(if frame % 3 == 2 { &proposals } else { std::slice::from_ref(&target) });
+        }
+    };
+    assert!(allocations(|| round(&mut filter)) > 0);
+    filter.reset(&[]);
+    assert_eq!(allocations(|| round(&mut filter)), 0);
+    assert!(filter.components().len() > 1);
+}
