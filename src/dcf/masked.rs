@@ -22,8 +22,6 @@ use super::sample::Sample;
 pub struct Settings {
     /// Samples remembered at the most.
     pub memory: usize,
-    /// Weight that a new sample gets.
-    pub learning_rate: f32,
     /// Weight that the first sample never falls below.
     pub first_weight: f32,
     /// Weight of the filter's norm, relative to the mean energy of a sample's channels.
@@ -276,7 +274,8 @@ mod tests {
         Sample { layers: vec![0..CHANNELS], spectra }
     }
 
-    const SETTINGS: Settings = Settings { memory: 3, learning_rate: 0.3, first_weight: 0.2, regularisation: 0.05 };
+    const SETTINGS: Settings = Settings { memory: 3, first_weight: 0.2, regularisation: 0.05 };
+    const LEARNING_RATE: f32 = 0.3;
 
     /// The normal equations written out as a dense matrix in the spatial domain and solved directly.
     #[test]
@@ -287,7 +286,7 @@ mod tests {
         let all: Vec<Vec<f32>> = (0..3).map(maps).collect();
         for maps in &all {
             let s = sample(&mut fft, maps);
-            filter.learn(&mut fft, &s, SETTINGS.learning_rate, 200);
+            filter.learn(&mut fft, &s, LEARNING_RATE, 200);
         }
         let weights = [0.7 * 0.7, 0.3 * 0.7, 0.3];
         let support: Vec<usize> = (0..ROWS * COLS).filter(|&i| m[i] > 0.0).collect();

@@ -19,7 +19,15 @@ pub fn highest(map: &[f32], rows: usize, cols: usize, subcell: bool) -> Peak {
 }
 
 /// Appends the local maxima (over the 8 neighbours) above `floor` to `peaks`, highest first, at most `count`.
-pub fn local_maxima(map: &[f32], rows: usize, cols: usize, floor: f32, count: usize, peaks: &mut Vec<Peak>) {
+pub fn local_maxima(
+    map: &[f32],
+    rows: usize,
+    cols: usize,
+    floor: f32,
+    count: usize,
+    subcell: bool,
+    peaks: &mut Vec<Peak>,
+) {
     let start = peaks.len();
     for r in 0..rows {
         for c in 0..cols {
@@ -31,7 +39,7 @@ pub fn local_maxima(map: &[f32], rows: usize, cols: usize, floor: f32, count: us
                     value > map[i] || (value == map[i] && r * cols + c < i)
                 });
             if is_peak {
-                peaks.push(peak_at(map, rows, cols, r * cols + c, true));
+                peaks.push(peak_at(map, rows, cols, r * cols + c, subcell));
             }
         }
     }
@@ -95,11 +103,11 @@ mod tests {
         let mut map = vec![0.0; 36];
         (map[0], map[14], map[15], map[33]) = (0.5, 0.9, 0.9, 0.2);
         let mut peaks = Vec::new();
-        local_maxima(&map, 6, 6, 0.1, 8, &mut peaks);
+        local_maxima(&map, 6, 6, 0.1, 8, true, &mut peaks);
         let values: Vec<f32> = peaks.iter().map(|p| p.value).collect();
         assert_eq!(values, [0.9, 0.5, 0.2]);
         peaks.clear();
-        local_maxima(&map, 6, 6, 0.1, 1, &mut peaks);
+        local_maxima(&map, 6, 6, 0.1, 1, true, &mut peaks);
         assert_eq!(peaks.len(), 1);
     }
 

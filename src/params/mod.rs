@@ -1,9 +1,10 @@
 //! Parameters: the one table, checked changes, and files.
 //!
 //! [`Params`] is a plain struct; everything else about a parameter (type, range, unit, description, whether it
-//! may change while the program runs) is in its [`Descriptor`]. Both come from the same rows, in `schema.rs`.
+//! may change while the program runs) is in its [`Descriptor`]. Both come from the same rows, in `schema.rs` and `lcmht.rs`.
 //! A change is checked as a whole and makes a new set, or is refused as a whole: [`Params::with`].
 
+mod lcmht;
 mod schema;
 mod table;
 mod value;
@@ -11,6 +12,7 @@ mod yaml;
 
 use std::sync::LazyLock;
 
+pub use lcmht::*;
 pub use schema::*;
 use table::Group;
 pub use value::{Descriptor, Kind, Range, Value};

@@ -1,6 +1,7 @@
 //! The table of parameters, group by group. A row is name, type, default, range, unit, whether it is fixed once
 //! the program runs, and one sentence.
 
+use super::lcmht::LcmhtParams;
 use super::table::{choice, group, groups};
 use crate::error::ParamsError;
 
@@ -34,34 +35,6 @@ group! {
     pub struct Debug at "debug." {
         max_side: i64 = 240, in 16..=4096, unit "px"; "Largest side of raw debug images; larger frames are scaled down, for default DDS peers lose images of more than 130 KB."
         jpeg_quality: i64 = 80, in 1..=100; "JPEG quality of compressed debug images."
-    }
-}
-
-group! {
-    /// The correlation filter.
-    pub struct LcmhtFilter at "lcmht.filter." {
-        learning_rate: f64 = 0.015, in 0.0..=1.0; "Weight of a new sample."
-        window: f64 = 4.0, in 1.5..=8.0; "Window."
-        cells: i64 = 32, in 8..=128; "Cells."
-        hog_components: i64 = 16, in 1..=31; "x"
-        hog_weight: f64 = 1.0, in 0.0..=10.0; "x"
-        cn_weight: f64 = 0.5, in 0.0..=10.0; "x"
-        label_sigma: f64 = 0.1, in 0.01..=1.0; "x"
-        mask: f64 = 1.2, in 0.5..=4.0; "x"
-        memory: i64 = 20, in 2..=100; "x"
-        regularisation: f64 = 0.05, in 0.0..=100.0; "x"
-        interval: i64 = 2, in 1..=100; "x"
-        steps: i64 = 3, in 1..=100; "x"
-        scale_step: f64 = 1.02, in 1.0..=2.0; "x"
-        scale_rate: f64 = 0.025, in 0.0..=1.0; "x"
-    }
-}
-
-groups! {
-    /// LCMHT.
-    pub struct LcmhtParams {
-        /// The correlation filter.
-        filter: LcmhtFilter,
     }
 }
 

@@ -1,295 +1,277 @@
-//! Long-term correlation tracking with multi-layer hybrid features (Baisa, Bhowmik and Wallace).
+//! Long-term correlation tracking with multi-layer hybrid features: LCMHT (Baisa, Bhowmik and Wallace).
+//!
+//! A correlation filter on layers of features finds the target from frame to frame; a GM-PHD filter knows its motion;
+//! when the response says that the target is gone, an online support vector machine proposes places, the GM-PHD filter
+//! weighs them, and the correlation filter has the last word. [`Followed::step`] is the paper's Algorithm 1.
+//!
+//! The paper learns in every frame, and so learns what hides the target. Here, by default, nothing is learned from a
+//! frame whose response is low for this target, and a target that keeps answering badly is lost: its box goes on as the
+//! motion model expects until the filter sees it again, near there or where the detector proposes. The preset
+//! `params/paper.yaml` sets everything to the paper's own.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `lcmht/appearance.rs` | the layers and the correlation filter (eqs 1 to 9) |
+//! | `lcmht/motion.rs` | the motion model and the GM-PHD filter (eqs 17 to 24) |
+//! | `lcmht/confidence.rs` | the states, from the response |
+//! | `detect/online.rs` | the support vector machine (eqs 10 to 16) |
 
-use super::{Output, State, Tracker};
+mod appearance;
+mod confidence;
+mod motion;
+
+use super::{Output, State, Target, Tracker};
 use crate::crop::Cropper;
-use crate::dcf::fft::Fft2;
-use crate::dcf::masked::{MaskedFilter, Settings};
-use crate::dcf::response::{Peak, centred, highest, local_maxima};
-use crate::dcf::sample::Sample;
 use crate::dcf::scale::ScaleFilter;
-use crate::dcf::window::{label, mask};
-use crate::features::layers::{Extractor, Feature, LayerSpec};
-use crate::frame::Frame;
-use crate::geometry::{Rect, distance};
-use crate::params::{LcmhtFilter as P, Params};
-use crate::trace::{ResponseMap, Stage, Trace};
+use crate::detect::online::{self, Detector};
+use crate::frame::{Frame, MIN_TARGET_SIDE};
+use crate::geometry::Rect;
+use crate::learn::svm::SvmParams;
+use crate::params::{LcmhtParams, LcmhtSvm, Params};
+use crate::trace::{Proposal, Stage, Trace};
+use appearance::{Answer, Appearance, reshapes};
+use confidence::Confidence;
+use motion::Motion;
+
+/// Area of the scale filter's crops, in square pixels.
+const SCALE_AREA: f64 = 512.0;
 
 /// The tracker.
 pub struct Lcmht {
-    params: P,
-    target: Option<Followed>,
+    params: LcmhtParams,
+    seed: u64,
     cropper: Cropper,
+    target: Option<Followed>,
 }
 
+/// The target and all that is known of it.
 struct Followed {
-    p: P,
-    n: usize,
-    fft: Fft2,
-    extractor: Extractor,
-    filter: MaskedFilter,
-    long: MaskedFilter,
+    params: LcmhtParams,
+    rect: Rect,
+    appearance: Appearance,
     scale: ScaleFilter,
-    sample: Sample,
-    response: Vec<f32>,
-    shown: Vec<f32>,
-    peaks: Vec<Peak>,
-    centre: [f64; 2],
-    size: [f64; 2],
-    velocity: [f64; 2],
-    innovation: f64,
-    reference: f64,
-    bad: u32,
-    good_frames: u32,
-    lost: bool,
-    learned: u32,
+    motion: Motion,
+    confidence: Confidence,
+    detector: Detector,
+    proposals: Vec<Proposal>,
+    response: f64,
     age: u32,
     lost_for: u32,
-    erratic: f64,
-    conf: f64,
+    reacquired: bool,
 }
 
 impl Lcmht {
     /// A tracker that waits for a mark.
     pub fn new(params: &Params) -> Self {
-        Self { params: params.lcmht.filter.clone(), target: None, cropper: Cropper::default() }
+        Self {
+            params: params.lcmht.clone(),
+            seed: params.general.seed.unsigned_abs(),
+            cropper: Cropper::default(),
+            target: None,
+        }
     }
 }
 
 impl Tracker for Lcmht {
-    fn start(&mut self, frame: &Frame, rect: Rect, _trace: &mut dyn Trace) {
-        let p = self.params.clone();
-        let n = p.cells as usize;
-        let mut fft = Fft2::new(n, n);
-        let side = p.window * rect.scale();
-        let window = Rect::around(rect.centre(), [side, side]);
-        let specs = [
-            LayerSpec {
-                features: vec![Feature::Hog],
-                components: Some(p.hog_components as usize),
-                energy: Some((p.hog_weight) as f32),
-            },
-            LayerSpec {
-                features: vec![Feature::ColourNames],
-                components: Some(10),
-                energy: Some((p.cn_weight) as f32),
-            },
-        ];
-        let mut extractor = Extractor::fit(&specs, n, n, frame, &window, &mut self.cropper);
-        let cell = side / n as f64;
-        let (w, h) = (rect.w / cell, rect.h / cell);
-        let y = label(n, n, p.label_sigma * (w * h).sqrt());
-        let m = mask(n, n, p.mask * w, p.mask * h);
-        let settings = Settings {
-            memory: p.memory as usize,
-            learning_rate: p.learning_rate as f32,
-            first_weight: 0.1,
-            regularisation: p.regularisation as f32,
-        };
-        let channels = extractor.channels();
-        let mut filter = MaskedFilter::new(settings, &mut fft, channels, &y, &m);
-        let mut long = MaskedFilter::new(settings, &mut fft, channels, &y, &m);
-        let mut sample = Sample::default();
-        extractor.extract(frame, &window, &mut self.cropper, &mut fft, &mut sample);
-        filter.learn(&mut fft, &sample, 1.0, 30);
-        long.learn(&mut fft, &sample, 1.0, 30);
-        let mut response = vec![0.0; n * n];
-        filter.respond(&mut fft, &sample, &mut response);
-        let peak = f64::from(highest(&response, n, n, false).value);
-        let mut scale = ScaleFilter::new(&rect, p.scale_step, 512.0);
-        scale.learn(frame, &mut self.cropper, &rect, 1.0);
-        self.target = Some(Followed {
-            n,
-            fft,
-            extractor,
-            filter,
-            long,
-            scale,
-            sample,
-            response,
-            shown: Vec::new(),
-            peaks: Vec::new(),
-            centre: rect.centre(),
-            size: rect.size(),
-            velocity: [0.0; 2],
-            innovation: 0.04,
-            reference: e("REF0", 0.6) * peak,
-            bad: 0,
-            good_frames: 0,
-            lost: false,
-            learned: 0,
-            age: 0,
-            lost_for: 0,
-            erratic: 0.0,
-            conf: 0.0,
-            p,
-        });
+    fn start(&mut self, frame: &Frame, rect: Rect, trace: &mut dyn Trace) {
+        trace.stage(Stage::Learn);
+        self.target = Some(Followed::new(&self.params, self.seed, frame, &mut self.cropper, rect));
     }
 
     fn step(&mut self, frame: &Frame, dt: f64, trace: &mut dyn Trace, output: &mut Output) {
-        if let (Some(f), Some(target)) = (&mut self.target, output.targets.first_mut()) {
-            f.step(frame, &mut self.cropper, dt, trace);
-            target.rect = Rect::around(f.centre, f.size);
-            target.velocity = f.velocity; target.confidence = f.conf as f32;
-            target.state = if f.lost {
-                State::Lost
-            } else if f.bad > 0 {
-                State::Uncertain
-            } else {
-                State::Tracking
-            };
-            target.reacquired = target.lost_for > 0 && f.lost_for == 0;
-            target.lost_for = f.lost_for;
-            target.age = f.age;
+        let (Some(followed), Some(target)) = (&mut self.target, output.targets.first_mut()) else { return };
+        if followed.is_outdated(&self.params) && followed.confidence.state() == State::Tracking {
+            followed.reshape(&self.params, self.seed, frame, &mut self.cropper, dt);
         }
+        followed.step(frame, &mut self.cropper, dt, trace);
+        followed.report(target);
     }
 
-    fn retune(&mut self, _params: &Params) {}
-}
-
-/// experiment
-pub fn e(name: &'static str, default: f64) -> f64 {
-    use std::sync::{Mutex, LazyLock}; use std::collections::HashMap;
-    static M: LazyLock<Mutex<HashMap<&'static str, f64>>> = LazyLock::new(Default::default);
-    *M.lock().unwrap().entry(name).or_insert_with(|| std::env::var(name).ok().map_or(default, |v| v.parse().unwrap()))
+    fn retune(&mut self, params: &Params) {
+        self.params = params.lcmht.clone();
+        if let Some(followed) = &mut self.target {
+            followed.retune(&self.params);
+        }
+    }
 }
 
 impl Followed {
-    fn window(&self, centre: [f64; 2]) -> Rect {
-        let side = self.p.window * (self.size[0] * self.size[1]).sqrt();
-        Rect::around(centre, [side, side])
+    fn new(params: &LcmhtParams, seed: u64, frame: &Frame, cropper: &mut Cropper, rect: Rect) -> Self {
+        let (appearance, response) = Appearance::new(&params.filter, &params.layers, frame, cropper, &rect);
+        let mut scale = ScaleFilter::new(&rect, params.scale.step, SCALE_AREA);
+        scale.learn(frame, cropper, &rect, 1.0);
+        let mut detector = Detector::new(detector_settings(&params.svm), &rect, seed);
+        detector.learn(frame, cropper, &rect);
+        Self {
+            rect,
+            appearance,
+            scale,
+            motion: Motion::new(&params.motion, &params.phd, &rect, frame.bounds().area()),
+            confidence: Confidence::new(&params.confidence, response),
+            detector,
+            proposals: Vec::new(),
+            response,
+            age: 0,
+            lost_for: 0,
+            reacquired: false,
+            params: params.clone(),
+        }
     }
 
-    fn respond_at(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], long: bool) -> f64 {
-        let window = self.window(centre);
-        self.extractor.extract(frame, &window, cropper, &mut self.fft, &mut self.sample);
-        let filter = if long { &mut self.long } else { &mut self.filter };
-        filter.respond(&mut self.fft, &self.sample, &mut self.response);
-        window.w / self.n as f64
-    }
-
+    /// Follows the target into the next frame: Algorithm 1.
     fn step(&mut self, frame: &Frame, cropper: &mut Cropper, dt: f64, trace: &mut dyn Trace) {
-        self.age += 1;
-        let scale = (self.size[0] * self.size[1]).sqrt();
-        let predicted = [self.centre[0] + dt * self.velocity[0], self.centre[1] + dt * self.velocity[1]];
-        let width = (3.0 * self.innovation.sqrt() * (1.0 + 0.1 * f64::from(self.bad))).clamp(0.2, 1.0) * scale;
-        let prior = |at: [f64; 2]| (-0.5 * (distance(at, predicted) / width).powi(2)).exp();
+        self.age = self.age.saturating_add(1);
+        let was_lost = self.confidence.state() == State::Lost;
+
         trace.stage(Stage::Features);
-        let cell = self.respond_at(frame, cropper, predicted, false);
-        let window = self.window(predicted);
-        trace.search_window(window);
+        let expected = self.motion.predict(self.rect.centre(), dt);
+        let expected = inside(expected, frame);
+        trace.prediction(Rect::around(expected, self.rect.size()));
+        self.appearance.look(frame, cropper, expected, self.rect.size());
+        self.appearance.show(trace);
+
         trace.stage(Stage::Localise);
-        centred(&self.response, self.n, self.n, &mut self.shown);
-        trace.response(&ResponseMap { values: &self.shown, rows: self.n, cols: self.n, window });
-        self.peaks.clear();
-        local_maxima(&self.response, self.n, self.n, 0.0, 8, &mut self.peaks);
-        let place = |p: &Peak| [predicted[0] + p.displacement[0] * cell, predicted[1] + p.displacement[1] * cell];
-        let best = self
-            .peaks
-            .iter()
-            .map(|p| (f64::from(p.value) * ((1.0 - e("PW", 0.7)) + e("PW", 0.7) * prior(place(p))), *p))
-            .max_by(|a, b| a.0.total_cmp(&b.0))
-            .map(|b| b.1)
-            .unwrap_or(Peak { displacement: [0.0; 2], value: 0.0 });
-        let mut at = place(&best);
-        let q = f64::from(best.value) / self.reference;
-        let h = ((q - e("H0", 0.55)) / 0.2).clamp(0.0, 1.0);
-        let g = 1.0 - 0.7 * (1.0 - prior(at)) * (1.0 - self.erratic);
-        self.conf = q; let mut conf = q * (g + (1.0 - g) * h);
-        let mut good = conf > e("GOOD", 0.6);
-        if self.lost || (!good && self.bad >= 4) {
-            self.lost = true;
+        let mut answer = self.appearance.best(|place| self.motion.prior(expected, place));
+        self.confidence.assess(answer.response);
+        self.rect = Rect::around(self.place(&answer, expected, frame), self.rect.size());
+
+        if self.confidence.state() == State::Lost {
             trace.stage(Stage::Redetect);
-            // scan
-            let mut found = None;
-            if conf <= 0.6 {
-                let rings = (1 + self.lost_for / 10).min(3) as i32;
-                let spacing = 0.4 * window.w;
-                let mut top = 0.0;
-                for gy in -rings..=rings {
-                    for gx in -rings..=rings {
-                        let c = [predicted[0] + f64::from(gx) * spacing, predicted[1] + f64::from(gy) * spacing];
-                        if !(0.0..f64::from(frame.width())).contains(&c[0])
-                            || !(0.0..f64::from(frame.height())).contains(&c[1])
-                        {
-                            continue;
-                        }
-                        self.respond_at(frame, cropper, c, true);
-                        let peak = highest(&self.response, self.n, self.n, true);
-                        let at = [c[0] + peak.displacement[0] * cell, c[1] + peak.displacement[1] * cell];
-                        let spread = spacing * f64::from(rings);
-                        let near = (-0.5 * (distance(at, predicted) / spread).powi(2)).exp();
-                        let v = f64::from(peak.value) * (0.5 + 0.5 * near);
-                        if v > top {
-                            top = v;
-                            found = Some((at, f64::from(peak.value)));
-                        }
-                    }
-                }
-            } else {
-                found = Some((at, f64::from(best.value)));
-            }
-            if let Some((place, value)) = found
-                && value > 0.6 * self.reference
-            {
-                self.respond_at(frame, cropper, place, false);
-                let peak = highest(&self.response, self.n, self.n, true);
-                if f64::from(peak.value) > 0.6 * self.reference {
-                    at = [place[0] + peak.displacement[0] * cell, place[1] + peak.displacement[1] * cell];
-                    conf = f64::from(peak.value) / self.reference;
-                    good = true;
-                    self.lost = false;
-                    self.lost_for = 0;
-                    self.velocity = [0.0; 2];
-                }
-            }
-            if self.lost {
-                self.lost_for += 1;
-                self.bad += 1;
-                self.velocity = self.velocity.map(|v| v * 0.97);
-                self.centre = [
-                    predicted[0].clamp(0.0, f64::from(frame.width())),
-                    predicted[1].clamp(0.0, f64::from(frame.height())),
-                ];
-                return;
+            if let Some(found) = self.redetect(frame, cropper, trace) {
+                answer = found;
+                self.rect = Rect::around(found.centre, self.rect.size());
             }
         }
-        let trust = ((conf - e("T0", 0.3)) / 0.4).clamp(0.0, 1.0);
-        let before = self.centre;
-        self.centre =
-            [predicted[0] + trust * (at[0] - predicted[0]), predicted[1] + trust * (at[1] - predicted[1])];
-        if good {
-            self.bad = 0;
-            self.good_frames += 1;
-            let step = [(self.centre[0] - before[0]) / dt, (self.centre[1] - before[1]) / dt];
-            let error = distance(at, predicted) / scale;
-            self.innovation = 0.9 * self.innovation + 0.1 * error * error;
-            self.velocity = [0.8 * self.velocity[0] + 0.2 * step[0], 0.8 * self.velocity[1] + 0.2 * step[1]];
-        } else {
-            self.bad += 1;
-        }
-        if good {
+        self.response = answer.response;
+        let tracking = self.confidence.state() == State::Tracking;
+        self.reacquired = was_lost && tracking;
+        self.lost_for = if self.confidence.state() == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
+
+        if tracking && !self.reacquired && self.params.scale.enabled {
             trace.stage(Stage::Scale);
-            let factor = self.scale.estimate(frame, cropper, &Rect::around(self.centre, self.size));
-            self.size = self.size.map(|s| s * factor);
+            self.rescale(frame, cropper);
         }
-        if conf > e("LEARN", 0.5) {
+        self.move_on(expected);
+        if !self.reacquired && (tracking || !self.params.confidence.gate) {
             trace.stage(Stage::Learn);
-            self.learned += 1;
-            self.reference = 0.95 * self.reference + 0.05 * f64::from(best.value);
-            if self.learned % self.p.interval as u32 == 0 {
-                let off = [(predicted[0] - self.centre[0]) / cell, (predicted[1] - self.centre[1]) / cell];
-                self.sample.shift(&self.fft, off);
-                self.filter.learn(&mut self.fft, &self.sample, self.p.learning_rate as f32, self.p.steps as usize);
-                if conf > 0.9 {
-                    self.long.learn(
-                        &mut self.fft,
-                        &self.sample,
-                        0.3 * self.p.learning_rate as f32,
-                        self.p.steps as usize,
-                    );
-                }
-            }
-            self.scale.learn(frame, cropper, &Rect::around(self.centre, self.size), self.p.scale_rate as f32);
+            self.learn(frame, cropper);
         }
     }
+
+    /// Where the target is taken to be: at the answer as far as that is believed, else where it was expected. Without
+    /// the gate it is at the answer, as in the paper.
+    fn place(&self, answer: &Answer, expected: [f64; 2], frame: &Frame) -> [f64; 2] {
+        let trust = match self.confidence.state() {
+            _ if !self.params.confidence.gate => 1.0,
+            State::Tracking => 1.0,
+            State::Uncertain => self.confidence.trust(answer.response),
+            State::Lost => 0.0,
+        };
+        let between = |i: usize| expected[i] + trust * (answer.centre[i] - expected[i]);
+        inside([between(0), between(1)], frame)
+    }
+
+    /// Looks for a lost target where the detector proposes: the proposals are filtered by the GM-PHD filter, and the
+    /// heaviest component is verified by the correlation filter.
+    fn redetect(&mut self, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) -> Option<Answer> {
+        self.detector.scan(frame, cropper, &self.rect, &mut self.proposals);
+        trace.proposals(&self.proposals);
+        let heaviest = self.motion.filter(self.proposals.iter().map(|p| p.rect))?;
+        self.appearance.look(frame, cropper, inside(heaviest.centre(), frame), self.rect.size());
+        let answer = self.appearance.highest();
+        self.confidence.is_certain(answer.response).then(|| {
+            self.confidence.found();
+            answer
+        })
+    }
+
+    /// Takes the target's size from the scale filter, within what the image can hold.
+    fn rescale(&mut self, frame: &Frame, cropper: &mut Cropper) {
+        let factor = self.scale.estimate(frame, cropper, &self.rect);
+        let smallest = MIN_TARGET_SIDE / self.rect.w.min(self.rect.h);
+        let largest = (f64::from(frame.width()) / self.rect.w).min(f64::from(frame.height()) / self.rect.h);
+        if smallest <= largest {
+            self.rect = self.rect.scaled(factor.clamp(smallest.min(1.0), largest.max(1.0)));
+        }
+    }
+
+    /// Tells the motion model what has become of the target. The GM-PHD filter is updated by each position that is
+    /// believed, so that it knows the target's motion when it has to be found again.
+    fn move_on(&mut self, expected: [f64; 2]) {
+        match self.confidence.state() {
+            State::Tracking if self.reacquired => self.motion.restart(&self.rect),
+            State::Tracking => self.motion.saw(&self.rect, expected),
+            State::Uncertain | State::Lost => self.motion.missed(),
+        }
+    }
+
+    /// Updates filter, scale filter and detector with the target as it is in this frame.
+    fn learn(&mut self, frame: &Frame, cropper: &mut Cropper) {
+        self.appearance.learn(frame, cropper, self.rect.centre(), self.rect.size());
+        if self.params.scale.enabled {
+            self.scale.learn(frame, cropper, &self.rect, self.params.scale.learning_rate as f32);
+        }
+        if self.confidence.is_exemplary(self.response) && self.age.is_multiple_of(self.params.svm.interval as u32) {
+            self.detector.learn(frame, cropper, &self.rect);
+        }
+    }
+
+    fn report(&self, target: &mut Target) {
+        target.rect = self.rect;
+        target.velocity = self.motion.velocity();
+        target.confidence = self.confidence.quality(self.response).clamp(0.0, 1.0) as f32;
+        target.response = self.response as f32;
+        target.state = self.confidence.state();
+        target.reacquired = self.reacquired;
+        target.age = self.age;
+        target.lost_for = self.lost_for;
+    }
+
+    fn retune(&mut self, params: &LcmhtParams) {
+        self.confidence.retune(&params.confidence);
+        self.detector.retune(detector_settings(&params.svm));
+        if !self.is_outdated(params) {
+            self.appearance.retune(&params.filter);
+            self.params = params.clone();
+        }
+    }
+
+    /// Whether these parameters need other filters than there are.
+    fn is_outdated(&self, params: &LcmhtParams) -> bool {
+        let own = &self.params;
+        reshapes((&own.filter, &own.layers), (&params.filter, &params.layers))
+            || own.motion != params.motion
+            || own.phd != params.phd
+            || own.scale.step != params.scale.step
+            || own.svm.template_cells != params.svm.template_cells
+    }
+
+    /// Builds all filters anew for other parameters, from the target where it is now.
+    fn reshape(&mut self, params: &LcmhtParams, seed: u64, frame: &Frame, cropper: &mut Cropper, dt: f64) {
+        let expected = inside(self.motion.predict(self.rect.centre(), dt), frame);
+        let size = self.rect.size();
+        self.appearance.look(frame, cropper, expected, size);
+        let found = self.appearance.best(|place| self.motion.prior(expected, place));
+        let (age, rect) = (self.age, Rect::around(inside(found.centre, frame), size));
+        *self = Self { age, ..Self::new(params, seed, frame, cropper, rect) };
+    }
+}
+
+fn detector_settings(svm: &LcmhtSvm) -> online::Settings {
+    online::Settings {
+        svm: SvmParams { c: svm.c, gamma: svm.gamma, max_support: svm.max_support as usize },
+        template_cells: svm.template_cells as usize,
+        positive_iou: svm.positive_iou,
+        negative_iou: svm.negative_iou,
+        positives: svm.positives as usize,
+        negatives_per_positive: svm.negatives_per_positive as usize,
+        learn_extent: svm.learn_extent,
+        scan_extent: svm.scan_extent,
+        proposals: svm.proposals as usize,
+    }
+}
+
+/// The nearest point of the image.
+fn inside(point: [f64; 2], frame: &Frame) -> [f64; 2] {
+    [point[0].clamp(0.0, f64::from(frame.width())), point[1].clamp(0.0, f64::from(frame.height()))]
 }

@@ -1,0 +1,161 @@
+//! The parameters of LCMHT. What the paper gives a value for is named as there; its own values make the preset
+//! `params/paper.yaml`.
+
+use super::table::{choice, group, groups};
+
+choice! {
+    /// The correlation filter.
+    pub enum FilterKind {
+        /// Confined to the target, trained on a memory of samples.
+        Masked = "masked",
+        /// The paper's kernel ridge regression, one a layer, in closed form.
+        Kernelised = "kernelised",
+    }
+}
+
+choice! {
+    /// The shape of the search window.
+    pub enum WindowShape {
+        /// A square of `window` times the root of the target's area.
+        Square = "square",
+        /// `window` times the target's sides.
+        Target = "target",
+    }
+}
+
+choice! {
+    /// What the constant-velocity model holds of a box (cv-motion-model eqs 10 and 11, section III.2).
+    pub enum MotionForm {
+        /// `[x, y, vx, vy, w, h]`.
+        Size = "size",
+        /// `[x, y, vx, vy, w, h, vw, vh]`.
+        MovingSize = "moving_size",
+        /// Centre, area, aspect ratio; velocities of centre and area.
+        AreaAspect = "area_aspect",
+        /// Centre, aspect ratio, height; velocities of all.
+        AspectHeight = "aspect_height",
+    }
+}
+
+group! {
+    /// Features and layers.
+    pub struct LcmhtLayers at "lcmht.layers." {
+        joint: bool = false; "HOG and colour names make one layer of 42 channels as in the paper, instead of a layer each."
+        hog_components: i64 = 16, in 1..=31; "Principal components of HOG that are kept; separate layers only."
+        hog_weight: f64 = 1.0, in 0.0..=10.0; "Energy of the HOG layer; of the joint layer, the weight of its response (gamma of eq 6)."
+        colour_weight: f64 = 0.5, in 0.0..=10.0; "Energy of the colour-name layer, 0 leaves it out; separate layers only."
+    }
+}
+
+group! {
+    /// The correlation filter.
+    pub struct LcmhtFilter at "lcmht.filter." {
+        kind: FilterKind = FilterKind::Masked; "The correlation filter."
+        window: f64 = 4.0, in 1.5..=8.0, unit "target sizes"; "Side of the search window."
+        window_shape: WindowShape = WindowShape::Square; "Shape of the search window."
+        cells: i64 = 48, in 16..=96; "Cells along the longer side of the search window; windows that need fewer at 4 px a cell get fewer where the shape is that of the target."
+        label_sigma: f64 = 0.1, in 0.01..=1.0, unit "target sizes"; "Width of the Gaussian label (sigma of eq 1)."
+        regularisation: f64 = 0.05, in 1e-8..=10.0; "Weight of the filter's norm (lambda of eq 2)."
+        learning_rate: f64 = 0.03, in 0.0..=1.0; "Weight of a new sample (eta of eq 8)."
+        interval: i64 = 2, in 1..=100, unit "frames"; "Frames from one update to the next."
+        mask: f64 = 1.2, in 0.5..=4.0, unit "target sizes"; "Side of the area that a masked filter is confined to."
+        memory: i64 = 20, in 2..=100; "Samples that a masked filter remembers."
+        first_weight: f64 = 0.1, in 0.0..=1.0; "Weight that the first sample of a masked filter never falls below."
+        steps: i64 = 3, in 1..=100; "Conjugate-gradient steps of an update of a masked filter."
+        recrop: bool = false; "Cuts the sample to learn anew around the position found, as the paper does, instead of shifting the one that was searched."
+        subcell: bool = true; "Refines the peak below a cell of the response map."
+    }
+}
+
+group! {
+    /// The scale filter.
+    pub struct LcmhtScale at "lcmht.scale." {
+        enabled: bool = true; "Estimates the target's size by a scale filter; otherwise it stays as marked."
+        step: f64 = 1.02, in 1.001..=1.2; "Ratio of neighbouring scales."
+        learning_rate: f64 = 0.025, in 0.0..=1.0; "Weight of a new sample."
+    }
+}
+
+group! {
+    /// What is made of a response.
+    pub struct LcmhtConfidence at "lcmht.confidence." {
+        relative: bool = true; "Measures responses in units of what the target usually gets; otherwise the thresholds are responses, as in the paper."
+        activate: f64 = 0.5, in 0.0..=10.0; "Response below which the target is uncertain, nothing is learned, and re-detection begins (T_ad)."
+        train: f64 = 0.6, in 0.0..=10.0; "Response above which the detector learns (T_td)."
+        lost: f64 = 0.4, in 0.0..=10.0; "Mean response of uncertain frames below which the target is lost."
+        patience: i64 = 5, in 0..=1000, unit "frames"; "Uncertain frames before the target can be lost."
+        gate: bool = true; "Learns only while the target is certain; otherwise in every frame, as the paper's Algorithm 1."
+        adapt: f64 = 0.05, in 0.0..=1.0; "Rate at which the usual response follows that of a frame."
+    }
+}
+
+group! {
+    /// The constant-velocity model.
+    pub struct LcmhtMotion at "lcmht.motion." {
+        enabled: bool = true; "Looks for the target where the motion model expects it; otherwise where it was, as in the paper."
+        form: MotionForm = MotionForm::Size; "What the model holds of a box. Lengths count in target sizes."
+        prior: f64 = 0.5, in 0.0..=1.0; "Share of a peak's rank that the distance from the expected position decides."
+        prior_min: f64 = 0.4, in 0.01..=10.0, unit "target sizes"; "Least width of that prior."
+        prior_max: f64 = 1.0, in 0.01..=10.0, unit "target sizes"; "Greatest width of that prior."
+        process_x: f64 = 0.0004, in 1e-12..=1e6; "Variance of the acceleration in x."
+        process_y: f64 = 0.0004, in 1e-12..=1e6; "Variance of the acceleration in y."
+        process_size_1: f64 = 0.0001, in 1e-12..=1e6; "Variance of the step (or acceleration) of the form's third quantity."
+        process_size_2: f64 = 0.0001, in 1e-12..=1e6; "Variance of the step (or acceleration) of the form's fourth quantity."
+        measured_x: f64 = 0.01, in 1e-12..=1e6; "Variance of a measured x."
+        measured_y: f64 = 0.01, in 1e-12..=1e6; "Variance of a measured y."
+        measured_size_1: f64 = 0.01, in 1e-12..=1e6; "Variance of the form's third measured quantity."
+        measured_size_2: f64 = 0.01, in 1e-12..=1e6; "Variance of the form's fourth measured quantity."
+    }
+}
+
+group! {
+    /// The GM-PHD filter.
+    pub struct LcmhtPhd at "lcmht.phd." {
+        survival: f64 = 0.99, in 0.0..=1.0; "Probability that a target goes on (p_s)."
+        detection: f64 = 0.95, in 0.0..=1.0; "Probability that a target is measured (p_D)."
+        clutter_rate: f64 = 4.0, in 0.0..=1000.0; "Mean number of false measurements in the image (lambda of eq 24)."
+        birth_weight: f64 = 0.01, in 1e-6..=1.0; "Weight of the component born at a measurement (eq 19)."
+        birth_velocity: f64 = 0.01, in 1e-12..=1e6; "Variance of a newborn's velocity, in squared target sizes a frame."
+        prune: f64 = 1e-5, in 0.0..=1.0; "Components of less weight are dropped."
+        merge: f64 = 4.0, in 0.0..=100.0; "Components closer than this (U) are merged."
+        max_components: i64 = 50, in 1..=1000; "Components that are kept, the heaviest first."
+    }
+}
+
+group! {
+    /// The online support vector machine that re-detects.
+    pub struct LcmhtSvm at "lcmht.svm." {
+        c: f64 = 2.0, in 1e-6..=1e6; "Price of a unit of hinge loss (C of eq 11)."
+        gamma: f64 = 1.0, in 1e-6..=1e6; "Of the Gaussian kernel."
+        max_support: i64 = 100, in 2..=1000; "Examples that are kept."
+        template_cells: i64 = 20, in 4..=200; "Cells of the template."
+        positive_iou: f64 = 0.9, in 0.5..=1.0; "Examples with at least this overlap are positive (delta_p)."
+        negative_iou: f64 = 0.3, in 0.0..=0.5; "Examples with less overlap are negative (delta_n)."
+        positives: i64 = 2, in 1..=50; "Positive examples a frame."
+        negatives_per_positive: i64 = 3, in 1..=20; "Negative examples for each."
+        learn_extent: f64 = 4.0, in 1.5..=10.0, unit "target sizes"; "Side of the area that negative examples come from."
+        scan_extent: f64 = 6.0, in 1.5..=16.0, unit "target sizes"; "Side of the area that is scanned for a lost target."
+        proposals: i64 = 5, in 1..=50; "Best places of a scan that go to the GM-PHD filter."
+        interval: i64 = 5, in 1..=1000, unit "frames"; "Frames from one training to the next."
+    }
+}
+
+groups! {
+    /// LCMHT.
+    pub struct LcmhtParams {
+        /// Features and layers.
+        layers: LcmhtLayers,
+        /// The correlation filter.
+        filter: LcmhtFilter,
+        /// The scale filter.
+        scale: LcmhtScale,
+        /// What is made of a response.
+        confidence: LcmhtConfidence,
+        /// The constant-velocity model.
+        motion: LcmhtMotion,
+        /// The GM-PHD filter.
+        phd: LcmhtPhd,
+        /// The online support vector machine.
+        svm: LcmhtSvm,
+    }
+}

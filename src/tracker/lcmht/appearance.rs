@@ -1,0 +1,259 @@
+//! What the target looks like: layers of features, and the correlation filter that is trained on them.
+
+use crate::crop::Cropper;
+use crate::dcf::fft::Fft2;
+use crate::dcf::kernelised::{self, KernelisedFilter};
+use crate::dcf::masked::{self, MaskedFilter};
+use crate::dcf::response::{Peak, centred, highest, local_maxima};
+use crate::dcf::sample::Sample;
+use crate::dcf::window::{label, mask};
+use crate::features::CELL;
+use crate::features::layers::{Extractor, Feature, LayerSpec};
+use crate::frame::Frame;
+use crate::geometry::Rect;
+use crate::params::{FilterKind, LcmhtFilter, LcmhtLayers, WindowShape};
+use crate::trace::{ResponseMap, Trace};
+
+/// Conjugate-gradient steps on the first sample of a masked filter.
+const FIRST_STEPS: usize = 30;
+/// Local maxima of a response map that are weighed against the motion model.
+const PEAKS: usize = 8;
+/// Cells along a side of the search window, at least: fewer have no room for a label.
+const MIN_CELLS: usize = 8;
+
+/// The filter and the window that it looks through.
+pub(super) struct Appearance {
+    settings: LcmhtFilter,
+    rows: usize,
+    cols: usize,
+    fft: Fft2,
+    extractor: Extractor,
+    filter: Filter,
+    /// What the search window showed, and the response to it (wrapped).
+    sample: Sample,
+    window: Rect,
+    response: Vec<f32>,
+    peaks: Vec<Peak>,
+    shown: Vec<f32>,
+    frames: u32,
+}
+
+enum Filter {
+    Masked(MaskedFilter),
+    Kernelised(KernelisedFilter),
+}
+
+/// A place that the filter answers to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Answer {
+    /// Centre of a target there, in pixels.
+    pub(super) centre: [f64; 2],
+    /// The response.
+    pub(super) response: f64,
+}
+
+impl Appearance {
+    /// Learns the target in `rect`. Gives the response to the very sample it was trained on as well.
+    pub(super) fn new(
+        settings: &LcmhtFilter,
+        layers: &LcmhtLayers,
+        frame: &Frame,
+        cropper: &mut Cropper,
+        rect: &Rect,
+    ) -> (Self, f64) {
+        let window = search_window(settings, rect.centre(), rect.size());
+        let (rows, cols) = grid(settings, &window);
+        let mut fft = Fft2::new(rows, cols);
+        let specs = specs(layers);
+        let extractor = Extractor::fit(&specs, rows, cols, frame, &window, cropper);
+        let target = [rect.w * cols as f64 / window.w, rect.h * rows as f64 / window.h];
+        let label = label(rows, cols, settings.label_sigma * (target[0] * target[1]).sqrt());
+        let filter = match settings.kind {
+            FilterKind::Masked => {
+                let mask = mask(rows, cols, settings.mask * target[0], settings.mask * target[1]);
+                let settings = masked_settings(settings);
+                Filter::Masked(MaskedFilter::new(settings, &mut fft, extractor.channels(), &label, &mask))
+            }
+            FilterKind::Kernelised => {
+                let settings = kernelised_settings(settings, layers);
+                Filter::Kernelised(KernelisedFilter::new(settings, &mut fft, &label))
+            }
+        };
+        let mut appearance = Self {
+            settings: settings.clone(),
+            rows,
+            cols,
+            fft,
+            extractor,
+            filter,
+            sample: Sample::default(),
+            window,
+            response: vec![0.0; rows * cols],
+            peaks: Vec::with_capacity(PEAKS),
+            shown: Vec::with_capacity(rows * cols),
+            frames: 0,
+        };
+        appearance.see(frame, cropper, rect.centre(), rect.size());
+        appearance.train(1.0, FIRST_STEPS);
+        appearance.respond();
+        let response = f64::from(highest(&appearance.response, rows, cols, false).value);
+        (appearance, response)
+    }
+
+    /// Takes over rates. What shapes the filter needs a new [`Appearance`]: see [`reshapes`].
+    pub(super) fn retune(&mut self, settings: &LcmhtFilter) {
+        self.settings = settings.clone();
+    }
+
+    /// Looks for a target of size `size` around `centre`: fills the sample and the response map (eqs 5 and 6).
+    pub(super) fn look(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
+        self.see(frame, cropper, centre, size);
+        self.respond();
+    }
+
+    /// The best local maximum of the response map (eq 7), by its response times what `prior` makes of its place.
+    pub(super) fn best(&mut self, prior: impl Fn([f64; 2]) -> f64) -> Answer {
+        self.peaks.clear();
+        local_maxima(&self.response, self.rows, self.cols, 0.0, PEAKS, self.settings.subcell, &mut self.peaks);
+        let answers = self.peaks.iter().map(|peak| self.answer(peak));
+        let ranked = answers.map(|answer| (answer.response * prior(answer.centre), answer));
+        ranked
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .map_or(Answer { centre: self.window.centre(), response: 0.0 }, |(_, answer)| answer)
+    }
+
+    /// The highest response of the map.
+    pub(super) fn highest(&self) -> Answer {
+        self.answer(&highest(&self.response, self.rows, self.cols, self.settings.subcell))
+    }
+
+    fn answer(&self, peak: &Peak) -> Answer {
+        let [x, y] = self.window.centre();
+        let cell = [self.window.w / self.cols as f64, self.window.h / self.rows as f64];
+        Answer {
+            centre: [x + peak.displacement[0] * cell[0], y + peak.displacement[1] * cell[1]],
+            response: f64::from(peak.value),
+        }
+    }
+
+    /// Learns the target at `centre` (eqs 4 and 8) on every so many calls. By default the sample of the last look is
+    /// shifted there; the paper cuts it anew.
+    pub(super) fn learn(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
+        self.frames += 1;
+        if !self.frames.is_multiple_of(self.settings.interval as u32) {
+            return;
+        }
+        if self.settings.recrop {
+            self.see(frame, cropper, centre, size);
+        } else {
+            let [x, y] = self.window.centre();
+            let by = [
+                (x - centre[0]) * self.cols as f64 / self.window.w,
+                (y - centre[1]) * self.rows as f64 / self.window.h,
+            ];
+            self.sample.shift(&self.fft, by);
+        }
+        self.train(self.settings.learning_rate as f32, self.settings.steps as usize);
+    }
+
+    /// Shows the response map of the last look.
+    pub(super) fn show(&mut self, trace: &mut dyn Trace) {
+        trace.search_window(self.window);
+        centred(&self.response, self.rows, self.cols, &mut self.shown);
+        trace.response(&ResponseMap { values: &self.shown, rows: self.rows, cols: self.cols, window: self.window });
+    }
+
+    fn see(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
+        self.window = search_window(&self.settings, centre, size);
+        self.extractor.extract(frame, &self.window, cropper, &mut self.fft, &mut self.sample);
+    }
+
+    fn respond(&mut self) {
+        match &mut self.filter {
+            Filter::Masked(filter) => filter.respond(&mut self.fft, &self.sample, &mut self.response),
+            Filter::Kernelised(filter) => filter.respond(&mut self.fft, &self.sample, &mut self.response),
+        }
+    }
+
+    fn train(&mut self, learning_rate: f32, steps: usize) {
+        match &mut self.filter {
+            Filter::Masked(filter) => filter.learn(&mut self.fft, &self.sample, learning_rate, steps),
+            Filter::Kernelised(filter) => filter.learn(&self.fft, &self.sample, learning_rate),
+        }
+    }
+}
+
+/// Whether a change of settings needs a new filter: all but the rates do.
+pub(super) fn reshapes(old: (&LcmhtFilter, &LcmhtLayers), new: (&LcmhtFilter, &LcmhtLayers)) -> bool {
+    let shape = |f: &LcmhtFilter| LcmhtFilter {
+        learning_rate: 0.0,
+        interval: 1,
+        steps: 1,
+        subcell: false,
+        recrop: false,
+        ..f.clone()
+    };
+    (shape(old.0), old.1) != (shape(new.0), new.1)
+}
+
+fn search_window(settings: &LcmhtFilter, centre: [f64; 2], size: [f64; 2]) -> Rect {
+    let sides = match settings.window_shape {
+        WindowShape::Square => [(size[0] * size[1]).sqrt(); 2],
+        WindowShape::Target => size,
+    };
+    Rect::around(centre, sides.map(|side| side * settings.window))
+}
+
+/// Rows and columns of the feature grid. The longer side has as many cells as the settings say. A window of the target's
+/// shape has no more than the image resolves, a cell for 4 px: the paper's features of a quarter of the window's size.
+fn grid(settings: &LcmhtFilter, window: &Rect) -> (usize, usize) {
+    let longer = window.w.max(window.h);
+    let resolved = (longer / CELL as f64).round();
+    let cells = match settings.window_shape {
+        WindowShape::Square => settings.cells as f64,
+        WindowShape::Target => resolved.min(settings.cells as f64),
+    };
+    let side = |length: f64| ((cells * length / longer).round() as usize).max(MIN_CELLS);
+    (side(window.h), side(window.w))
+}
+
+fn specs(layers: &LcmhtLayers) -> Vec<LayerSpec> {
+    if layers.joint {
+        let features = vec![Feature::Hog, Feature::ColourNames];
+        return vec![LayerSpec { features, components: None, energy: None }];
+    }
+    let hog = LayerSpec {
+        features: vec![Feature::Hog],
+        components: Some(layers.hog_components as usize),
+        energy: Some(layers.hog_weight as f32),
+    };
+    let names = LayerSpec {
+        features: vec![Feature::ColourNames],
+        components: Some(COLOUR_COMPONENTS),
+        energy: Some(layers.colour_weight as f32),
+    };
+    if layers.colour_weight > 0.0 { vec![hog, names] } else { vec![hog] }
+}
+
+/// Eleven probabilities sum to one: ten components hold them all.
+const COLOUR_COMPONENTS: usize = 10;
+
+fn masked_settings(settings: &LcmhtFilter) -> masked::Settings {
+    masked::Settings {
+        memory: settings.memory as usize,
+        first_weight: settings.first_weight as f32,
+        regularisation: settings.regularisation as f32,
+    }
+}
+
+fn kernelised_settings(settings: &LcmhtFilter, layers: &LcmhtLayers) -> kernelised::Settings {
+    let weights = match (layers.joint, layers.colour_weight > 0.0) {
+        (true, _) => vec![layers.hog_weight],
+        (false, true) => vec![layers.hog_weight, layers.colour_weight],
+        (false, false) => vec![layers.hog_weight],
+    };
+    kernelised::Settings {
+        regularisation: settings.regularisation as f32,
+        layer_weights: weights.into_iter().map(|w| w as f32).collect(),
+    }
+}

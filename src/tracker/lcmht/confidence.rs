@@ -1,0 +1,155 @@
+//! What a response says of the target: tracking, uncertain or lost (T_ad and T_td of LCMHT section 4.2).
+//!
+//! The paper holds the response against fixed thresholds. What a good response is depends on the target, though, and
+//! drops as it changes its looks. By default responses are therefore measured in units of what the target usually gets:
+//! `quality = response / reference`, where the reference follows the responses of the target while it is not lost.
+
+use crate::params::LcmhtConfidence;
+use crate::tracker::State;
+
+/// The reference starts at this share of the response to the very sample that the filter was trained on: no later look
+/// of the target answers as well.
+const FIRST_SHARE: f64 = 0.6;
+/// Keeps the reference above zero.
+const LEAST_REFERENCE: f64 = 1e-6;
+
+/// The state of one target.
+pub(super) struct Confidence {
+    settings: LcmhtConfidence,
+    reference: f64,
+    state: State,
+    /// Uncertain frames in a row, and the sum of their qualities.
+    uncertain: u32,
+    sum: f64,
+}
+
+impl Confidence {
+    /// A target that is tracked and whose training sample got `response`.
+    pub(super) fn new(settings: &LcmhtConfidence, response: f64) -> Self {
+        Self {
+            settings: settings.clone(),
+            reference: (FIRST_SHARE * response).max(LEAST_REFERENCE),
+            state: State::Tracking,
+            uncertain: 0,
+            sum: 0.0,
+        }
+    }
+
+    pub(super) fn retune(&mut self, settings: &LcmhtConfidence) {
+        self.settings = settings.clone();
+    }
+
+    /// The state after the last frame.
+    pub(super) fn state(&self) -> State {
+        self.state
+    }
+
+    /// The response in the unit of the thresholds.
+    pub(super) fn quality(&self, response: f64) -> f64 {
+        if self.settings.relative { response / self.reference } else { response }
+    }
+
+    /// Whether a response shows the target (at least T_ad).
+    pub(super) fn is_certain(&self, response: f64) -> bool {
+        self.quality(response) >= self.settings.activate
+    }
+
+    /// Whether a response is good enough to teach the detector (at least T_td).
+    pub(super) fn is_exemplary(&self, response: f64) -> bool {
+        self.quality(response) >= self.settings.train
+    }
+
+    /// How far a response is to be believed, 0 to 1.
+    pub(super) fn trust(&self, response: f64) -> f64 {
+        if self.settings.activate > 0.0 {
+            (self.quality(response) / self.settings.activate).clamp(0.0, 1.0)
+        } else {
+            1.0
+        }
+    }
+
+    /// Takes in the response of a frame in which the target was looked for where it was expected.
+    pub(super) fn assess(&mut self, response: f64) -> State {
+        let quality = self.quality(response);
+        if self.is_certain(response) {
+            self.found();
+        } else {
+            self.uncertain += 1;
+            self.sum += quality;
+            let mean = self.sum / f64::from(self.uncertain);
+            let gone = i64::from(self.uncertain) > self.settings.patience && mean < self.settings.lost;
+            self.state = if gone || self.state == State::Lost { State::Lost } else { State::Uncertain };
+        }
+        if self.state != State::Lost {
+            self.reference += self.settings.adapt * (response - self.reference);
+            self.reference = self.reference.max(LEAST_REFERENCE);
+        }
+        self.state
+    }
+
+    /// The target is there.
+    pub(super) fn found(&mut self) {
+        self.state = State::Tracking;
+        self.uncertain = 0;
+        self.sum = 0.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::Params;
+
+    fn confidence() -> Confidence {
+        Confidence::new(&Params::default().lcmht.confidence, 1.0)
+    }
+
+    #[test]
+    fn a_target_that_stays_hidden_is_uncertain_then_lost_then_found() {
+        let mut c = confidence();
+        let patience = c.settings.patience;
+        for _ in 0..20 {
+            assert_eq!(c.assess(0.6), State::Tracking);
+        }
+        for _ in 0..patience {
+            assert_eq!(c.assess(0.05), State::Uncertain);
+        }
+        assert_eq!(c.assess(0.05), State::Lost);
+        // The reference stands still while the target is lost, however long that takes.
+        let before = c.reference;
+        (0..1000).for_each(|_| assert_eq!(c.assess(0.05), State::Lost));
+        assert_eq!(c.reference, before);
+        assert_eq!(c.assess(0.6), State::Tracking);
+    }
+
+    #[test]
+    fn a_target_that_changes_its_looks_is_not_lost() {
+        let mut c = confidence();
+        let mut response = 0.6;
+        for _ in 0..60 {
+            response *= 0.97;
+            assert_ne!(c.assess(response), State::Lost);
+        }
+        for _ in 0..60 {
+            c.assess(response);
+        }
+        assert_eq!(c.state(), State::Tracking);
+    }
+
+    #[test]
+    fn fixed_thresholds_are_those_of_the_paper() {
+        let settings = LcmhtConfidence {
+            relative: false,
+            activate: 0.15,
+            train: 0.4,
+            lost: 0.15,
+            patience: 0,
+            ..Params::default().lcmht.confidence
+        };
+        let mut c = Confidence::new(&settings, 1.0);
+        assert_eq!(c.assess(0.16), State::Tracking);
+        assert!(!c.is_exemplary(0.39) && c.is_exemplary(0.41));
+        assert_eq!(c.assess(0.14), State::Lost);
+        assert_eq!(c.trust(0.075), 0.5);
+    }
+}
