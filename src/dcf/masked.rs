@@ -12,6 +12,7 @@
 //! in it (in the manner of Danelljan et al., *ECO*, CVPR 2017). Solved by conjugate gradients on the normal
 //! equations, warm-started from the present filter: a step costs two FFTs a channel and no inversion.
 
+use multiversion::multiversion;
 use rustfft::num_complex::Complex32;
 
 use super::fft::Fft2;
@@ -182,12 +183,8 @@ impl MaskedFilter {
     fn apply(&mut self, fft: &mut Fft2, coefficients: &[f32], lambda: f32) {
         let mut filter = std::mem::take(&mut self.filter);
         self.transform(fft, coefficients, &mut filter);
-        let Solver { spectra, sums, map, image, .. } = &mut self.solver;
-        spectra.fill(Complex32::default());
-        for (sample, &weight) in self.samples.chunks_exact(filter.len()).zip(&self.weights) {
-            correlate(&filter, sample, sums);
-            accumulate(spectra, sample, sums, weight);
-        }
+        let Solver { spectra, map, image, .. } = &mut self.solver;
+        normal_product(&self.samples, &self.weights, &filter, fft.bins(), spectra);
         gather(fft, spectra, map, &self.support, image);
         image.iter_mut().zip(coefficients).for_each(|(i, f)| *i += lambda * f);
         self.filter = filter;
@@ -208,6 +205,7 @@ impl MaskedFilter {
 }
 
 /// sums = sum over channels of conj(filter) x sample.
+#[multiversion(targets("x86_64+avx2+fma"))]
 fn correlate(filter: &[Complex32], sample: &[Complex32], sums: &mut [Complex32]) {
     sums.fill(Complex32::default());
     for (f, x) in filter.chunks_exact(sums.len()).zip(sample.chunks_exact(sums.len())) {
@@ -218,7 +216,47 @@ fn correlate(filter: &[Complex32], sample: &[Complex32], sums: &mut [Complex32])
     }
 }
 
+/// Bins that are worked on at a time: those of all channels of a sample, of the filter and of the product fit the
+/// first-level cache together, so that the samples are read from memory once.
+const BLOCK: usize = 32;
+
+/// product = sum_k w_k x_k conj(sum_d conj(f_d) x_kd): the normal equations applied to a filter. Everything is done bin
+/// by bin, so the bins are taken in blocks.
+#[multiversion(targets("x86_64+avx2+fma"))]
+fn normal_product(
+    samples: &[Complex32],
+    weights: &[f32],
+    filter: &[Complex32],
+    bins: usize,
+    product: &mut [Complex32],
+) {
+    product.fill(Complex32::default());
+    for start in (0..bins).step_by(BLOCK) {
+        let len = BLOCK.min(bins - start);
+        for (sample, &weight) in samples.chunks_exact(filter.len()).zip(weights) {
+            let mut sums = [Complex32::default(); BLOCK];
+            let sums = &mut sums[..len];
+            for (f, x) in filter.chunks_exact(bins).zip(sample.chunks_exact(bins)) {
+                let (f, x) = (&f[start..start + len], &x[start..start + len]);
+                for ((s, f), x) in sums.iter_mut().zip(f).zip(x) {
+                    s.re += f.re * x.re + f.im * x.im;
+                    s.im += f.re * x.im - f.im * x.re;
+                }
+            }
+            sums.iter_mut().for_each(|s| *s *= weight);
+            for (p, x) in product.chunks_exact_mut(bins).zip(sample.chunks_exact(bins)) {
+                let (p, x) = (&mut p[start..start + len], &x[start..start + len]);
+                for ((p, x), s) in p.iter_mut().zip(x).zip(&*sums) {
+                    p.re += x.re * s.re + x.im * s.im;
+                    p.im += x.im * s.re - x.re * s.im;
+                }
+            }
+        }
+    }
+}
+
 /// spectra += weight x sample x conj(response), channel by channel.
+#[multiversion(targets("x86_64+avx2+fma"))]
 fn accumulate(spectra: &mut [Complex32], sample: &[Complex32], response: &[Complex32], weight: f32) {
     for (out, x) in spectra.chunks_exact_mut(response.len()).zip(sample.chunks_exact(response.len())) {
         for ((o, x), r) in out.iter_mut().zip(x).zip(response) {
@@ -236,6 +274,7 @@ fn gather(fft: &mut Fft2, spectra: &[Complex32], map: &mut [f32], support: &[u32
     }
 }
 
+#[multiversion(targets("x86_64+avx2+fma"))]
 fn dot(a: &[f32], b: &[f32]) -> f64 {
     // Sums of a thousand products in f32, the whole in f64: as exact as needed and still vectorised.
     a.chunks(1024)

@@ -81,6 +81,7 @@ group! {
     pub struct LcmhtConfidence at "lcmht.confidence." {
         relative: bool = true; "Measures responses in units of what the target usually gets; otherwise the thresholds are responses, as in the paper."
         activate: f64 = 0.5, in 0.0..=10.0; "Response below which the target is uncertain, nothing is learned, and re-detection begins (T_ad)."
+        reacquire: f64 = 0.6, in 0.0..=10.0; "Response that a lost target must get where the detector proposes it; where it is expected, activate is enough."
         train: f64 = 0.6, in 0.0..=10.0; "Response above which the detector learns (T_td)."
         lost: f64 = 0.4, in 0.0..=10.0; "Mean response of uncertain frames below which the target is lost."
         patience: i64 = 5, in 0..=1000, unit "frames"; "Uncertain frames before the target can be lost."
@@ -136,6 +137,7 @@ group! {
         learn_extent: f64 = 4.0, in 1.5..=10.0, unit "target sizes"; "Side of the area that negative examples come from."
         scan_extent: f64 = 6.0, in 1.5..=16.0, unit "target sizes"; "Side of the area that is scanned for a lost target."
         proposals: i64 = 5, in 1..=50; "Best places of a scan that go to the GM-PHD filter."
+        least_margin: f64 = 0.0, in -100.0..=100.0; "Margin below which a lost target is not taken up again, whatever its response."
         interval: i64 = 5, in 1..=1000, unit "frames"; "Frames from one training to the next."
     }
 }

@@ -137,7 +137,8 @@ impl Followed {
 
         if self.confidence.state() == State::Lost {
             trace.stage(Stage::Redetect);
-            if let Some(found) = self.redetect(frame, cropper, trace) {
+            if let Some(found) = self.reacquire(answer, frame, cropper, trace) {
+                self.confidence.found();
                 answer = found;
                 self.rect = Rect::around(found.centre, self.rect.size());
             }
@@ -171,18 +172,36 @@ impl Followed {
         inside([between(0), between(1)], frame)
     }
 
-    /// Looks for a lost target where the detector proposes: the proposals are filtered by the GM-PHD filter, and the
-    /// heaviest component is verified by the correlation filter.
+    /// Takes up a lost target where the correlation filter and the detector agree that it is: where it was expected, or
+    /// where the detector proposes.
+    fn reacquire(
+        &mut self,
+        expected: Answer,
+        frame: &Frame,
+        cropper: &mut Cropper,
+        trace: &mut dyn Trace,
+    ) -> Option<Answer> {
+        if self.confidence.is_certain(expected.response) && self.is_like_it(&expected, frame, cropper) {
+            return Some(expected);
+        }
+        let proposed = self.redetect(frame, cropper, trace)?;
+        (self.confidence.is_convincing(proposed.response) && self.is_like_it(&proposed, frame, cropper))
+            .then_some(proposed)
+    }
+
+    /// The detector's proposals, filtered by the GM-PHD filter; the heaviest component as the correlation filter sees it.
     fn redetect(&mut self, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) -> Option<Answer> {
         self.detector.scan(frame, cropper, &self.rect, &mut self.proposals);
         trace.proposals(&self.proposals);
         let heaviest = self.motion.filter(self.proposals.iter().map(|p| p.rect))?;
         self.appearance.look(frame, cropper, inside(heaviest.centre(), frame), self.rect.size());
-        let answer = self.appearance.highest();
-        self.confidence.is_certain(answer.response).then(|| {
-            self.confidence.found();
-            answer
-        })
+        Some(self.appearance.highest())
+    }
+
+    /// Whether the detector takes what is there for the target.
+    fn is_like_it(&mut self, answer: &Answer, frame: &Frame, cropper: &mut Cropper) -> bool {
+        let place = Rect::around(answer.centre, self.rect.size());
+        self.detector.margin(frame, cropper, &place) >= self.params.svm.least_margin
     }
 
     /// Takes the target's size from the scale filter, within what the image can hold.

@@ -54,6 +54,11 @@ impl Confidence {
         self.quality(response) >= self.settings.activate
     }
 
+    /// Whether a response at a place that the detector proposes is good enough to take up the target there.
+    pub(super) fn is_convincing(&self, response: f64) -> bool {
+        self.quality(response) >= self.settings.reacquire
+    }
+
     /// Whether a response is good enough to teach the detector (at least T_td).
     pub(super) fn is_exemplary(&self, response: f64) -> bool {
         self.quality(response) >= self.settings.train
@@ -68,9 +73,13 @@ impl Confidence {
         }
     }
 
-    /// Takes in the response of a frame in which the target was looked for where it was expected.
+    /// Takes in the response of a frame in which the target was looked for where it was expected. A lost target stays
+    /// lost until [`found`](Self::found) says otherwise.
     pub(super) fn assess(&mut self, response: f64) -> State {
         let quality = self.quality(response);
+        if self.state == State::Lost {
+            return State::Lost;
+        }
         if self.is_certain(response) {
             self.found();
         } else {
@@ -78,7 +87,7 @@ impl Confidence {
             self.sum += quality;
             let mean = self.sum / f64::from(self.uncertain);
             let gone = i64::from(self.uncertain) > self.settings.patience && mean < self.settings.lost;
-            self.state = if gone || self.state == State::Lost { State::Lost } else { State::Uncertain };
+            self.state = if gone { State::Lost } else { State::Uncertain };
         }
         if self.state != State::Lost {
             self.reference += self.settings.adapt * (response - self.reference);
@@ -119,6 +128,7 @@ mod tests {
         let before = c.reference;
         (0..1000).for_each(|_| assert_eq!(c.assess(0.05), State::Lost));
         assert_eq!(c.reference, before);
+        c.found();
         assert_eq!(c.assess(0.6), State::Tracking);
     }
 
