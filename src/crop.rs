@@ -41,60 +41,88 @@ impl Patch {
     }
 }
 
-/// The input pixels that make up one output pixel of a one-dimensional resampling.
+/// What a plane of a patch is made of.
 #[derive(Clone, Copy, Debug)]
-struct Taps {
-    /// First input pixel.
-    first: usize,
-    /// First weight of this output in [`Axis::weights`]; as many as input pixels.
-    at: usize,
-    count: usize,
+enum Source {
+    /// The byte at this place of a pixel.
+    Byte(usize),
+    /// The luma of the bytes at these places: red, green, blue.
+    Luma([usize; 3]),
 }
 
-/// One axis of a resampling: for each output pixel its taps, clamped to the image.
+/// Weights of red, green and blue in luma (ITU-R BT.601).
+const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
+
+/// One axis of a resampling: each output pixel is a weighted sum of the same number of neighbouring input pixels.
 #[derive(Debug, Default)]
 struct Axis {
-    taps: Vec<Taps>,
+    /// Input pixels of an output pixel.
+    taps: usize,
+    /// The first of them, for each output pixel.
+    first: Vec<usize>,
+    /// Their weights, `outputs x taps`.
     weights: Vec<f32>,
 }
 
 impl Axis {
-    /// Covers `[origin, origin + length)` of an input of `limit` pixels by `count` output pixels.
+    /// Covers `[origin, origin + length)` of an input of `limit` pixels by `count` output pixels. Taps beyond the input
+    /// fall on its outermost pixels.
     fn plan(&mut self, origin: f64, length: f64, count: usize, limit: usize) {
         let scale = length / count as f64;
         let radius = scale.max(1.0);
-        self.taps.clear();
+        let last = limit as i64 - 1;
+        let reach = (2.0 * radius).ceil() as i64;
+        self.taps = (reach as usize).min(limit);
+        self.first.clear();
         self.weights.clear();
-        for i in 0..count {
+        self.weights.resize(count * self.taps, 0.0);
+        for (i, weights) in self.weights.chunks_exact_mut(self.taps).enumerate() {
             // Centre of the output pixel, in input pixel indices.
             let centre = origin + (i as f64 + 0.5) * scale - 0.5;
             let low = (centre - radius).floor() as i64 + 1;
-            let high = (centre + radius).ceil() as i64 - 1;
-            let last = limit as i64 - 1;
-            let first = low.clamp(0, last);
-            let count = (high.clamp(0, last) - first + 1) as usize;
-            let at = self.weights.len();
-            self.weights.resize(at + count, 0.0);
+            let first = low.clamp(0, limit as i64 - self.taps as i64);
             let mut sum = 0.0;
-            for j in low..=high {
+            for j in low..low + reach {
                 let weight = (1.0 - (j as f64 - centre).abs() / radius).max(0.0) as f32;
-                self.weights[at + (j.clamp(0, last) - first) as usize] += weight;
+                weights[(j.clamp(0, last) - first) as usize] += weight;
                 sum += weight;
             }
-            self.weights[at..].iter_mut().for_each(|w| *w /= sum);
-            self.taps.push(Taps { first: first as usize, at, count });
+            weights.iter_mut().for_each(|w| *w /= sum);
+            self.first.push(first as usize);
         }
     }
 
-    fn weights(&self, taps: &Taps) -> &[f32] {
-        &self.weights[taps.at..taps.at + taps.count]
+    /// First tap and weights of each output pixel.
+    fn outputs(&self) -> impl Iterator<Item = (usize, &[f32])> {
+        self.first.iter().copied().zip(self.weights.chunks_exact(self.taps))
     }
 
     /// The half-open range of input pixels that any output uses.
     fn extent(&self) -> (usize, usize) {
-        let first = self.taps.iter().map(|t| t.first).min().unwrap_or(0);
-        let end = self.taps.iter().map(|t| t.first + t.count).max().unwrap_or(0);
+        let first = self.first.iter().copied().min().unwrap_or(0);
+        let end = self.first.iter().copied().max().unwrap_or(0) + self.taps;
         (first, end)
+    }
+
+    /// Resamples a line that starts at input pixel `start`.
+    fn resample(&self, line: &[f32], start: usize, out: &mut [f32]) {
+        // Loops of known length take a fraction of the time; most windows are enlarged or shrunk a little.
+        match self.taps {
+            2 => self.resample_by::<2>(line, start, out),
+            3 => self.resample_by::<3>(line, start, out),
+            4 => self.resample_by::<4>(line, start, out),
+            _ => out.iter_mut().zip(self.outputs()).for_each(|(value, (first, weights))| {
+                *value = line[first - start..].iter().zip(weights).map(|(v, w)| v * w).sum();
+            }),
+        }
+    }
+
+    fn resample_by<const TAPS: usize>(&self, line: &[f32], start: usize, out: &mut [f32]) {
+        let (weights, _) = self.weights.as_chunks::<TAPS>();
+        for ((value, first), weights) in out.iter_mut().zip(&self.first).zip(weights) {
+            let from = first - start;
+            *value = line[from..from + TAPS].iter().zip(weights).map(|(v, w)| v * w).sum();
+        }
     }
 }
 
@@ -114,47 +142,61 @@ impl Cropper {
     /// Fills `patch`, `width x height`, with what `window` (pixels of the frame; it may reach beyond the image)
     /// shows.
     pub fn crop(&mut self, frame: &Frame, window: &Rect, width: usize, height: usize, patch: &mut Patch) {
-        let channels = frame.encoding().channels();
         let planes = if frame.encoding().is_colour() { 3 } else { 1 };
         patch.resize(width, height, planes);
-        self.columns.plan(window.x, window.w, width, frame.width() as usize);
-        self.rows.plan(window.y, window.h, height, frame.height() as usize);
-        for (plane, channel) in patch.planes.iter_mut().zip(channels) {
-            self.narrow(frame, channel);
-            self.shorten(plane);
+        self.plan(frame, window, width, height);
+        for (plane, channel) in patch.planes.iter_mut().zip(frame.encoding().channels()) {
+            self.resample(frame, Source::Byte(channel), plane);
         }
     }
 
+    /// Fills `patch` likewise with a single plane, the luma: a third of the work where colour does not matter.
+    pub fn crop_luma(&mut self, frame: &Frame, window: &Rect, width: usize, height: usize, patch: &mut Patch) {
+        patch.resize(width, height, 1);
+        self.plan(frame, window, width, height);
+        let channels = frame.encoding().channels();
+        let source = if frame.encoding().is_colour() { Source::Luma(channels) } else { Source::Byte(channels[0]) };
+        self.resample(frame, source, &mut patch.planes[0]);
+    }
+
+    fn plan(&mut self, frame: &Frame, window: &Rect, width: usize, height: usize) {
+        self.columns.plan(window.x, window.w, width, frame.width() as usize);
+        self.rows.plan(window.y, window.h, height, frame.height() as usize);
+    }
+
+    fn resample(&mut self, frame: &Frame, source: Source, plane: &mut [u8]) {
+        self.narrow(frame, source);
+        self.shorten(plane);
+    }
+
     /// Resamples every needed input row in x.
-    fn narrow(&mut self, frame: &Frame, channel: usize) {
+    fn narrow(&mut self, frame: &Frame, source: Source) {
         let (left, right) = self.columns.extent();
         let (top, bottom) = self.rows.extent();
         let stride = frame.encoding().bytes();
-        let width = self.columns.taps.len();
+        let width = self.columns.first.len();
         self.narrow.resize((bottom - top) * width, 0.0);
         self.line.resize(right - left, 0.0);
         for (y, out) in (top..bottom).zip(self.narrow.chunks_exact_mut(width)) {
-            let row = &frame.row(y)[left * stride + channel..];
-            for (value, pixel) in self.line.iter_mut().zip(row.iter().step_by(stride)) {
-                *value = f32::from(*pixel);
+            let pixels = frame.row(y)[left * stride..right * stride].chunks_exact(stride);
+            match source {
+                Source::Byte(at) => self.line.iter_mut().zip(pixels).for_each(|(v, p)| *v = f32::from(p[at])),
+                Source::Luma(at) => self.line.iter_mut().zip(pixels).for_each(|(v, p)| {
+                    *v = LUMA.iter().zip(at).map(|(weight, at)| weight * f32::from(p[at])).sum();
+                }),
             }
-            for (value, taps) in out.iter_mut().zip(&self.columns.taps) {
-                let from = taps.first - left;
-                *value =
-                    self.line[from..from + taps.count].iter().zip(self.columns.weights(taps)).map(|(v, w)| v * w).sum();
-            }
+            self.columns.resample(&self.line, left, out);
         }
     }
 
     /// Resamples the narrowed rows in y and rounds.
     fn shorten(&mut self, plane: &mut [u8]) {
         let (top, _) = self.rows.extent();
-        let width = self.columns.taps.len();
-        for (out, taps) in plane.chunks_exact_mut(width).zip(&self.rows.taps) {
+        let width = self.columns.first.len();
+        for (out, (first, weights)) in plane.chunks_exact_mut(width).zip(self.rows.outputs()) {
             self.sum.clear();
             self.sum.resize(width, 0.5);
-            let from = (taps.first - top) * width;
-            for (row, weight) in self.narrow[from..].chunks_exact(width).zip(self.rows.weights(taps)) {
+            for (row, weight) in self.narrow[(first - top) * width..].chunks_exact(width).zip(weights) {
                 self.sum.iter_mut().zip(row).for_each(|(s, v)| *s += v * weight);
             }
             out.iter_mut().zip(&self.sum).for_each(|(o, s)| *o = *s as u8);

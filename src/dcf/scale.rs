@@ -1,7 +1,7 @@
 //! The one-dimensional scale filter, in the manner of DSST (Danelljan, Häger, Khan and Felsberg, *Accurate scale
 //! estimation for robust visual tracking*, BMVC 2014).
 //!
-//! The target is cropped at a ladder of scales around its present size; each crop's HOG is one column of a sample.
+//! The target is cropped at a ladder of scales around its present size; each crop's HOG (of its luma) is one column of a sample.
 //! A correlation filter along the ladder answers with its peak at the scale that fits.
 
 use std::sync::Arc;
@@ -113,7 +113,7 @@ impl ScaleFilter {
         let [width, height] = self.patch_size;
         for i in 0..SCALES {
             let factor = self.step.powi(i as i32 - (SCALES / 2) as i32);
-            cropper.crop(frame, &target.scaled(factor), width, height, &mut self.patch);
+            cropper.crop_luma(frame, &target.scaled(factor), width, height, &mut self.patch);
             self.hog.compute(&self.patch, &mut self.map);
             self.sample.resize(self.map.data.len() * SCALES, Complex32::default());
             // The present size stands at index 0 of the wrapped axis, as the label's peak does.

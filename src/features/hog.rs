@@ -7,6 +7,8 @@
 
 use std::sync::LazyLock;
 
+use multiversion::multiversion;
+
 use super::{CELL, FeatureMap};
 use crate::crop::Patch;
 
@@ -60,7 +62,8 @@ pub struct Hog {
     energy: Vec<f32>,
     /// Inverse norm of each block of 2 x 2 cells.
     inverse: Vec<f32>,
-    /// Gradient of one row of pixels: magnitude and index of the orientation bin.
+    /// Gradient of one row of pixels: squared magnitude, magnitude and index of the orientation bin.
+    squared: Vec<i32>,
     magnitude: Vec<f32>,
     direction: Vec<u32>,
 }
@@ -82,6 +85,7 @@ impl Hog {
         let stride = cols + 2;
         self.histograms.clear();
         self.histograms.resize(stride * (rows + 2), [0.0; SIGNED]);
+        self.squared.resize(patch.width, 0);
         self.magnitude.resize(patch.width, 0.0);
         self.direction.resize(patch.width, 0);
         for y in 0..patch.height {
@@ -105,21 +109,12 @@ impl Hog {
     fn gradient(&mut self, patch: &Patch, y: usize) {
         let (w, h) = (patch.width, patch.height);
         let (up, down) = (y.saturating_sub(1), (y + 1).min(h - 1));
-        for (index, plane) in patch.planes().iter().enumerate() {
-            let row = &plane[y * w..(y + 1) * w];
-            let above = &plane[up * w..(up + 1) * w];
-            let below = &plane[down * w..(down + 1) * w];
-            for x in 0..w {
-                let dx = i32::from(row[(x + 1).min(w - 1)]) - i32::from(row[x.saturating_sub(1)]);
-                let dy = i32::from(below[x]) - i32::from(above[x]);
-                let squared = (dx * dx + dy * dy) as f32;
-                if index == 0 || squared > self.magnitude[x] {
-                    self.magnitude[x] = squared;
-                    self.direction[x] = ((dy + 255) * DIFFERENCES as i32 + dx + 255) as u32;
-                }
-            }
+        self.squared.fill(-1);
+        for plane in patch.planes() {
+            let row = |y: usize| &plane[y * w..(y + 1) * w];
+            strongest(row(y), row(up), row(down), &mut self.squared, &mut self.direction);
         }
-        self.magnitude.iter_mut().for_each(|m| *m = m.sqrt());
+        self.magnitude.iter_mut().zip(&self.squared).for_each(|(m, s)| *m = (*s as f32).sqrt());
     }
 
     /// The inverse norms of the blocks, `(rows + 1) x (cols + 1)`: block (r, c) has cell (r, c) as its lower
@@ -177,6 +172,24 @@ impl Hog {
                 }
             }
         }
+    }
+}
+
+/// Takes over the gradients of one plane's row, with the rows above and below, where they are stronger than those there
+/// are.
+#[multiversion(targets("x86_64+avx2"))]
+fn strongest(row: &[u8], above: &[u8], below: &[u8], squared: &mut [i32], direction: &mut [u32]) {
+    let w = row.len();
+    let (above, below, squared, direction) = (&above[..w], &below[..w], &mut squared[..w], &mut direction[..w]);
+    for x in 0..w {
+        let (left, right) = (x.saturating_sub(1), (x + 1).min(w - 1));
+        let dx = i32::from(row[right]) - i32::from(row[left]);
+        let dy = i32::from(below[x]) - i32::from(above[x]);
+        let strength = dx * dx + dy * dy;
+        let index = ((dy + 255) * DIFFERENCES as i32 + dx + 255) as u32;
+        let stronger = strength > squared[x];
+        squared[x] = if stronger { strength } else { squared[x] };
+        direction[x] = if stronger { index } else { direction[x] };
     }
 }
 

@@ -72,7 +72,7 @@ group! {
     pub struct LcmhtScale at "lcmht.scale." {
         enabled: bool = true; "Estimates the target's size by a scale filter; otherwise it stays as marked."
         step: f64 = 1.02, in 1.001..=1.2; "Ratio of neighbouring scales."
-        learning_rate: f64 = 0.025, in 0.0..=1.0; "Weight of a new sample."
+        learning_rate: f64 = 0.04, in 0.0..=1.0; "Weight of a new sample."
     }
 }
 
@@ -138,7 +138,7 @@ group! {
         scan_extent: f64 = 6.0, in 1.5..=16.0, unit "target sizes"; "Side of the area that is scanned for a lost target."
         proposals: i64 = 5, in 1..=50; "Best places of a scan that go to the GM-PHD filter."
         least_margin: f64 = 0.0, in -100.0..=100.0; "Margin below which a lost target is not taken up again, whatever its response."
-        interval: i64 = 5, in 1..=1000, unit "frames"; "Frames from one training to the next."
+        interval: i64 = 3, in 1..=1000; "Updates of the filter from one training of the detector to the next."
     }
 }
 

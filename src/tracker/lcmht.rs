@@ -56,6 +56,7 @@ struct Followed {
     proposals: Vec<Proposal>,
     response: f64,
     age: u32,
+    updates: u32,
     lost_for: u32,
     reacquired: bool,
 }
@@ -112,6 +113,7 @@ impl Followed {
             proposals: Vec::new(),
             response,
             age: 0,
+            updates: 0,
             lost_for: 0,
             reacquired: false,
             params: params.clone(),
@@ -148,7 +150,8 @@ impl Followed {
         self.reacquired = was_lost && tracking;
         self.lost_for = if self.confidence.state() == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
 
-        if tracking && !self.reacquired && self.params.scale.enabled {
+        let resize = self.params.scale.enabled && (self.params.filter.interval == 1 || !self.is_due());
+        if tracking && !self.reacquired && resize {
             trace.stage(Stage::Scale);
             self.rescale(frame, cropper);
         }
@@ -226,13 +229,23 @@ impl Followed {
 
     /// Updates filter, scale filter and detector with the target as it is in this frame.
     fn learn(&mut self, frame: &Frame, cropper: &mut Cropper) {
+        if !self.is_due() {
+            return;
+        }
         self.appearance.learn(frame, cropper, self.rect.centre(), self.rect.size());
         if self.params.scale.enabled {
             self.scale.learn(frame, cropper, &self.rect, self.params.scale.learning_rate as f32);
         }
-        if self.confidence.is_exemplary(self.response) && self.age.is_multiple_of(self.params.svm.interval as u32) {
+        self.updates += 1;
+        if self.confidence.is_exemplary(self.response) && self.updates.is_multiple_of(self.params.svm.interval as u32) {
             self.detector.learn(frame, cropper, &self.rect);
         }
+    }
+
+    /// Whether filters are updated in this frame. The size is estimated in the others, if there are any, which spreads
+    /// the work.
+    fn is_due(&self) -> bool {
+        self.age.is_multiple_of(self.params.filter.interval as u32)
     }
 
     fn report(&self, target: &mut Target) {

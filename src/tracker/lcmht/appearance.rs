@@ -35,7 +35,6 @@ pub(super) struct Appearance {
     response: Vec<f32>,
     peaks: Vec<Peak>,
     shown: Vec<f32>,
-    frames: u32,
 }
 
 enum Filter {
@@ -91,7 +90,6 @@ impl Appearance {
             response: vec![0.0; rows * cols],
             peaks: Vec::with_capacity(PEAKS),
             shown: Vec::with_capacity(rows * cols),
-            frames: 0,
         };
         appearance.see(frame, cropper, rect.centre(), rect.size());
         appearance.train(1.0, FIRST_STEPS);
@@ -136,13 +134,9 @@ impl Appearance {
         }
     }
 
-    /// Learns the target at `centre` (eqs 4 and 8) on every so many calls. By default the sample of the last look is
-    /// shifted there; the paper cuts it anew.
+    /// Learns the target at `centre` (eqs 4 and 8). By default the sample of the last look is shifted there; the paper
+    /// cuts it anew.
     pub(super) fn learn(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
-        self.frames += 1;
-        if !self.frames.is_multiple_of(self.settings.interval as u32) {
-            return;
-        }
         if self.settings.recrop {
             self.see(frame, cropper, centre, size);
         } else {
