@@ -3,6 +3,7 @@
 pub mod crop;
 pub mod dcf;
 pub mod detect;
+pub mod draw;
 pub mod error;
 pub mod eval;
 pub mod features;
