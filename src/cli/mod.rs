@@ -1,6 +1,7 @@
 //! What the offline commands do: their arguments, their runs, their messages and exit codes. A binary only parses,
 //! runs and exits.
 
+pub mod evaluate;
 pub mod rows;
 pub mod timing;
 pub mod track;
@@ -11,6 +12,7 @@ use std::process::ExitCode;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::error::{ParamsError, StartError};
+use crate::eval::dataset::DatasetError;
 use crate::params::{Assignment, NodeName, Params, Phase, Value, file};
 use crate::replay::ReplayError;
 
@@ -35,19 +37,25 @@ pub enum Error {
     /// A file or folder for results cannot be made.
     #[error("{}: cannot be written: {source}", path.display())]
     Create { path: PathBuf, source: std::io::Error },
+    /// The dataset cannot be used.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
     /// A frame cannot be read.
     #[error(transparent)]
     Read(ReplayError),
     /// A result cannot be written.
     #[error("{to}: cannot be written: {why}")]
     Write { to: String, why: String },
+    /// Not every sequence was run to its end; each was reported.
+    #[error("{failed} of {runs} runs failed")]
+    Sequences { failed: usize, runs: usize },
 }
 
 impl Error {
     /// 2 for arguments that cannot be used, known before the first frame is tracked; 1 for what fails later.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Read(_) | Self::Write { .. } => 1,
+            Self::Read(_) | Self::Write { .. } | Self::Sequences { .. } => 1,
             _ => 2,
         }
     }

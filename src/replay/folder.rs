@@ -103,10 +103,12 @@ fn load(path: &Path) -> Result<Vec<u8>, ReplayError> {
     }
 }
 
-/// Whether the end marker follows the last start of a scan. The decoder would fill what is missing with grey.
+/// Whether an end marker follows the last start of a scan. The decoder would fill what is missing with grey.
 fn is_whole_jpeg(bytes: &[u8]) -> bool {
-    let last = |marker: [u8; 2]| bytes.windows(2).rposition(|w| w == marker);
-    last([0xff, 0xd9]) > last([0xff, 0xda])
+    const SCAN: [u8; 2] = [0xff, 0xda];
+    const END: [u8; 2] = [0xff, 0xd9];
+    let end = bytes.windows(2).rposition(|w| w == END);
+    end.is_some_and(|end| !bytes[end..].windows(2).any(|w| w == SCAN))
 }
 
 #[cfg(test)]
