@@ -9,7 +9,7 @@ pub mod track;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 
 use crate::error::{ParamsError, StartError};
 use crate::eval::dataset::DatasetError;
@@ -77,24 +77,65 @@ pub fn exit(result: Result<(), Error>) -> ExitCode {
 pub fn params(files: &[impl AsRef<Path>], algorithm: Option<&str>, set: &[Assignment]) -> Result<Params, ParamsError> {
     let node = NodeName::default();
     let mut changes = Vec::new();
-    for path in files {
-        let path = path.as_ref();
+    for path in files.iter().map(AsRef::as_ref) {
         let read = file(path, &node)?;
         if read.is_empty() {
             log::warn!("parameter file {}: nothing in it is for {}", path.display(), node.full());
+        }
+        // By itself first, so that the message can name the file.
+        match changed(&read) {
+            Ok(_) | Err(ParamsError::Conflict(_)) => {}
+            Err(error) => return Err(ParamsError::File { path: path.to_owned(), why: error.to_string() }),
         }
         changes.extend(read);
     }
     changes.extend(algorithm.map(|name| ("algorithm".to_owned(), Value::String(name.to_owned()))));
     changes.extend_from_slice(set);
+    changed(&changes)
+}
+
+fn changed(changes: &[Assignment]) -> Result<Params, ParamsError> {
     Params::default().with(changes.iter().map(|(name, value)| (name.as_str(), value)), Phase::StartUp)
 }
 
 /// A bar on standard error for so many frames; nothing where that is no terminal.
 fn progress(frames: Option<usize>) -> ProgressBar {
     let bar = frames.map_or_else(ProgressBar::new_spinner, |n| ProgressBar::new(n as u64));
+    let bar = bar.with_finish(ProgressFinish::AndClear);
     match ProgressStyle::with_template("{wide_bar} {pos}/{len} frames, {per_sec}, {eta} left") {
         Ok(style) if frames.is_some() => bar.with_style(style),
         _ => bar,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn later_files_win_over_earlier_ones_and_single_values_over_all() {
+        let dir = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| {
+            let path = dir.path().join(name);
+            std::fs::write(&path, format!("/**:\n  ros__parameters:\n    {text}\n")).unwrap();
+            path
+        };
+        let a = write("a.yaml", "{seed: 1, debug.max_side: 100, debug.jpeg_quality: 10}");
+        let b = write("b.yaml", "{seed: 2, debug.max_side: 200}");
+        let set = [("seed".to_owned(), Value::Integer(3))];
+        let both = params(&[&a, &b], Some("lcmht"), &set).unwrap();
+        assert_eq!((both.general.seed, both.debug.max_side, both.debug.jpeg_quality), (3, 200, 10));
+        assert_eq!(params(&[&b, &a], None, &[]).unwrap().general.seed, 1);
+        assert_eq!(params(&[] as &[&Path], None, &[]).unwrap(), Params::default());
+    }
+
+    #[test]
+    fn a_wrong_value_is_named_with_its_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.yaml");
+        std::fs::write(&path, "/**:\n  ros__parameters: {debug.max_side: 3}\n").unwrap();
+        let message = params(&[&path], None, &[]).unwrap_err().to_string();
+        let why = "parameter 'debug.max_side' must lie in 16 to 4096, got 3";
+        assert_eq!(message, format!("parameter file {}: {why}", path.display()));
     }
 }
