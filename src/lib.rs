@@ -1,8 +1,10 @@
 //! Follows a target that a user marks in a camera stream, says when it has lost it, and finds it again.
 
+pub mod cli;
 pub mod crop;
 pub mod dcf;
 pub mod detect;
+pub mod draw;
 pub mod error;
 pub mod eval;
 pub mod features;
@@ -11,6 +13,7 @@ pub mod frame;
 pub mod geometry;
 pub mod learn;
 pub mod params;
+pub mod replay;
 pub mod session;
 pub mod trace;
 pub mod tracker;

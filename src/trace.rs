@@ -73,3 +73,31 @@ pub trait Trace {
 }
 
 impl Trace for () {}
+
+/// Both are shown everything.
+impl<A: Trace, B: Trace> Trace for (A, B) {
+    fn stage(&mut self, stage: Stage) {
+        self.0.stage(stage);
+        self.1.stage(stage);
+    }
+
+    fn search_window(&mut self, window: Rect) {
+        self.0.search_window(window);
+        self.1.search_window(window);
+    }
+
+    fn prediction(&mut self, rect: Rect) {
+        self.0.prediction(rect);
+        self.1.prediction(rect);
+    }
+
+    fn response(&mut self, map: &ResponseMap) {
+        self.0.response(map);
+        self.1.response(map);
+    }
+
+    fn proposals(&mut self, proposals: &[Proposal]) {
+        self.0.proposals(proposals);
+        self.1.proposals(proposals);
+    }
+}

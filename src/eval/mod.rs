@@ -1,3 +1,7 @@
-//! Scores of box sequences against ground truth.
+//! How good a tracker is: sequences with ground truth, runs over them, and scores.
 
+pub mod dataset;
+pub mod losses;
 pub mod otb;
+pub mod report;
+pub mod run;

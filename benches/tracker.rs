@@ -1,0 +1,131 @@
+//! Time of the parts of a step at the sizes that the default parameters meet, and of whole steps.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use long_term_tracker::crop::{Cropper, Patch};
+use long_term_tracker::dcf::fft::Fft2;
+use long_term_tracker::dcf::masked::{MaskedFilter, Settings};
+use long_term_tracker::dcf::sample::Sample;
+use long_term_tracker::dcf::window::{label, mask};
+use long_term_tracker::features::FeatureMap;
+use long_term_tracker::features::colour_names;
+use long_term_tracker::features::hog::Hog;
+use long_term_tracker::features::layers::{Extractor, Feature, LayerSpec};
+use long_term_tracker::{Encoding, Frame, Params, Rect, Session, State};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+const WIDTH: usize = 640;
+const HEIGHT: usize = 480;
+/// Pixels along the side of a texture's squares.
+const GRAIN: usize = 4;
+/// Weight of a new sample.
+const RATE: f32 = 0.015;
+/// The target's path repeats after so many frames.
+const PERIOD: usize = 120;
+
+/// A person's size: 40 x 80 px.
+fn target(frame: usize) -> Rect {
+    let angle = std::f64::consts::TAU * (frame % PERIOD) as f64 / PERIOD as f64;
+    Rect::around([320.0 + 100.0 * angle.cos(), 240.0 + 60.0 * angle.sin()], [40.0, 80.0])
+}
+
+/// A texture of squares, RGB.
+fn texture(seed: u64, width: usize, height: usize) -> Vec<u8> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let cols = width.div_ceil(GRAIN);
+    let cells: Vec<[u8; 3]> = (0..cols * height.div_ceil(GRAIN)).map(|_| rng.random()).collect();
+    (0..width * height).flat_map(|i| cells[i / width / GRAIN * cols + i % width / GRAIN]).collect()
+}
+
+/// The frames of a textured target on its way around a textured ground.
+fn video() -> Vec<Vec<u8>> {
+    let ground = texture(1, WIDTH, HEIGHT);
+    let figure = texture(2, 40, 80);
+    (0..PERIOD)
+        .map(|k| {
+            let mut data = ground.clone();
+            let (x, y) = (target(k).x.round() as usize, target(k).y.round() as usize);
+            for (row, line) in figure.chunks_exact(3 * 40).enumerate() {
+                let at = 3 * ((y + row) * WIDTH + x);
+                data[at..at + line.len()].copy_from_slice(line);
+            }
+            data
+        })
+        .collect()
+}
+
+fn frame(data: &[u8]) -> Frame<'_> {
+    Frame::new(data, WIDTH as u32, HEIGHT as u32, 3 * WIDTH, Encoding::Rgb8, None).expect("the layout fits")
+}
+
+fn features(c: &mut Criterion) {
+    let data = texture(1, WIDTH, HEIGHT);
+    let frame = frame(&data);
+    let window = Rect::around(target(0).centre(), [226.0; 2]);
+    for side in [128, 192] {
+        let (mut cropper, mut patch) = (Cropper::default(), Patch::default());
+        c.bench_function(&format!("crop/{side}"), |b| {
+            b.iter(|| cropper.crop(black_box(&frame), &window, side, side, &mut patch))
+        });
+        let (mut hog, mut map) = (Hog::default(), FeatureMap::default());
+        c.bench_function(&format!("hog/{side}"), |b| b.iter(|| hog.compute(black_box(&patch), &mut map)));
+        c.bench_function(&format!("colour_names/{side}"), |b| {
+            b.iter(|| colour_names::compute(black_box(&patch), &mut map))
+        });
+    }
+}
+
+fn filter(c: &mut Criterion) {
+    let data = video().swap_remove(0);
+    let frame = frame(&data);
+    let window = Rect::around(target(0).centre(), [226.0; 2]);
+    let specs = [
+        LayerSpec { features: vec![Feature::Hog], components: Some(16), energy: Some(1.0) },
+        LayerSpec { features: vec![Feature::ColourNames], components: None, energy: Some(0.5) },
+    ];
+    for cells in [32, 48] {
+        let mut cropper = Cropper::default();
+        let mut fft = Fft2::new(cells, cells);
+        let mut extractor = Extractor::fit(&specs, cells, cells, &frame, &window, &mut cropper);
+        let mut sample = Sample::default();
+        c.bench_function(&format!("extract/{cells}"), |b| {
+            b.iter(|| extractor.extract(black_box(&frame), &window, &mut cropper, &mut fft, &mut sample))
+        });
+        let scale = cells as f64 / window.w;
+        let (w, h) = (40.0 * scale, 80.0 * scale);
+        let y = label(cells, cells, 0.1 * (w * h).sqrt());
+        let m = mask(cells, cells, 1.2 * w, 1.2 * h);
+        let settings = Settings { memory: 20, first_weight: 0.1, regularisation: 0.05 };
+        let mut filter = MaskedFilter::new(settings, &mut fft, extractor.channels(), &y, &m);
+        for _ in 0..settings.memory {
+            filter.learn(&mut fft, &sample, RATE, 1);
+        }
+        c.bench_function(&format!("filter/learn/{cells}"), |b| {
+            b.iter(|| filter.learn(&mut fft, black_box(&sample), RATE, 3))
+        });
+        let mut response = vec![0.0; cells * cells];
+        c.bench_function(&format!("filter/respond/{cells}"), |b| {
+            b.iter(|| filter.respond(&mut fft, black_box(&sample), &mut response))
+        });
+    }
+}
+
+fn step(c: &mut Criterion) {
+    let video = video();
+    let mut session = Session::new(Params::default());
+    session.start(&frame(&video[0]), target(0), &mut ()).expect("the target is in view");
+    let mut k = 0;
+    c.bench_function("step", |b| {
+        b.iter(|| {
+            k += 1;
+            session.step(&frame(&video[k % PERIOD]), &mut ()).targets[0].rect
+        })
+    });
+    let found = &session.output().targets[0];
+    assert!(found.state == State::Tracking && found.rect.iou(&target(k)) > 0.5, "{found:?} was not on the target");
+}
+
+criterion_group!(benches, features, filter, step);
+criterion_main!(benches);

@@ -1,0 +1,11 @@
+//! `evaluate`: scores trackers on sequences with ground truth. See [`long_term_tracker::cli::evaluate`].
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use long_term_tracker::cli::{evaluate, exit};
+
+fn main() -> ExitCode {
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
+    exit(evaluate::run(&evaluate::Args::parse(), &mut std::io::stdout().lock()))
+}

@@ -1,0 +1,11 @@
+//! `track`: follows a target through recorded frames. See [`long_term_tracker::cli::track`].
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use long_term_tracker::cli::{exit, track};
+
+fn main() -> ExitCode {
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
+    exit(track::run(&track::Args::parse()))
+}

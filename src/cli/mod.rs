@@ -1,0 +1,141 @@
+//! What the offline commands do: their arguments, their runs, their messages and exit codes. A binary only parses,
+//! runs and exits.
+
+pub mod evaluate;
+pub mod rows;
+pub mod timing;
+pub mod track;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
+
+use crate::error::{ParamsError, StartError};
+use crate::eval::dataset::DatasetError;
+use crate::params::{Assignment, NodeName, Params, Phase, Value, file};
+use crate::replay::ReplayError;
+
+/// Why a command did not do what it was asked for.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A parameter, or a file of them.
+    #[error(transparent)]
+    Params(#[from] ParamsError),
+    /// Where there ought to be frames are none.
+    #[error(transparent)]
+    Source(ReplayError),
+    /// The file of marked boxes cannot be used.
+    #[error(transparent)]
+    Truth(ReplayError),
+    /// Nothing tells where the target is.
+    #[error("no target: give --init X,Y,W,H, for there is no {} with a box in its first row", .0.display())]
+    NoTarget(PathBuf),
+    /// The target cannot be followed.
+    #[error("{from}: {source}")]
+    Start { from: String, source: StartError },
+    /// A file or folder for results cannot be made.
+    #[error("{}: cannot be written: {source}", path.display())]
+    Create { path: PathBuf, source: std::io::Error },
+    /// The dataset cannot be used.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
+    /// A frame cannot be read.
+    #[error(transparent)]
+    Read(ReplayError),
+    /// A result cannot be written.
+    #[error("{to}: cannot be written: {why}")]
+    Write { to: String, why: String },
+    /// Not every sequence was run to its end; each was reported.
+    #[error("{failed} of {runs} runs failed")]
+    Sequences { failed: usize, runs: usize },
+}
+
+impl Error {
+    /// 2 for arguments that cannot be used, known before the first frame is tracked; 1 for what fails later.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Read(_) | Self::Write { .. } | Self::Sequences { .. } => 1,
+            _ => 2,
+        }
+    }
+}
+
+/// Says on standard error why a command failed; the code to exit with.
+pub fn exit(result: Result<(), Error>) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+/// The default parameters with the changes of the files in order, then the algorithm, then single values: what
+/// comes later wins.
+pub fn params(files: &[impl AsRef<Path>], algorithm: Option<&str>, set: &[Assignment]) -> Result<Params, ParamsError> {
+    let node = NodeName::default();
+    let mut changes = Vec::new();
+    for path in files.iter().map(AsRef::as_ref) {
+        let read = file(path, &node)?;
+        if read.is_empty() {
+            log::warn!("parameter file {}: nothing in it is for {}", path.display(), node.full());
+        }
+        // By itself first, so that the message can name the file.
+        match changed(&read) {
+            Ok(_) | Err(ParamsError::Conflict(_)) => {}
+            Err(error) => return Err(ParamsError::File { path: path.to_owned(), why: error.to_string() }),
+        }
+        changes.extend(read);
+    }
+    changes.extend(algorithm.map(|name| ("algorithm".to_owned(), Value::String(name.to_owned()))));
+    changes.extend_from_slice(set);
+    changed(&changes)
+}
+
+fn changed(changes: &[Assignment]) -> Result<Params, ParamsError> {
+    Params::default().with(changes.iter().map(|(name, value)| (name.as_str(), value)), Phase::StartUp)
+}
+
+/// A bar on standard error for so many frames; nothing where that is no terminal.
+fn progress(frames: Option<usize>) -> ProgressBar {
+    let bar = frames.map_or_else(ProgressBar::new_spinner, |n| ProgressBar::new(n as u64));
+    let bar = bar.with_finish(ProgressFinish::AndClear);
+    match ProgressStyle::with_template("{wide_bar} {pos}/{len} frames, {per_sec}, {eta} left") {
+        Ok(style) if frames.is_some() => bar.with_style(style),
+        _ => bar,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn later_files_win_over_earlier_ones_and_single_values_over_all() {
+        let dir = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| {
+            let path = dir.path().join(name);
+            std::fs::write(&path, format!("/**:\n  ros__parameters:\n    {text}\n")).unwrap();
+            path
+        };
+        let a = write("a.yaml", "{seed: 1, debug.max_side: 100, debug.jpeg_quality: 10}");
+        let b = write("b.yaml", "{seed: 2, debug.max_side: 200}");
+        let set = [("seed".to_owned(), Value::Integer(3))];
+        let both = params(&[&a, &b], Some("lcmht"), &set).unwrap();
+        assert_eq!((both.general.seed, both.debug.max_side, both.debug.jpeg_quality), (3, 200, 10));
+        assert_eq!(params(&[&b, &a], None, &[]).unwrap().general.seed, 1);
+        assert_eq!(params(&[] as &[&Path], None, &[]).unwrap(), Params::default());
+    }
+
+    #[test]
+    fn a_wrong_value_is_named_with_its_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.yaml");
+        std::fs::write(&path, "/**:\n  ros__parameters: {debug.max_side: 3}\n").unwrap();
+        let message = params(&[&path], None, &[]).unwrap_err().to_string();
+        let why = "parameter 'debug.max_side' must lie in 16 to 4096, got 3";
+        assert_eq!(message, format!("parameter file {}: {why}", path.display()));
+    }
+}

@@ -1,0 +1,181 @@
+//! `track`: follows one target through recorded frames and writes a row a frame.
+
+use std::fs::File;
+use std::io::{self, BufWriter, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Parser;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ImageEncoder, RgbImage, imageops};
+
+use super::timing::{StageClock, per_second};
+use super::{Error, params, progress, rows};
+use crate::draw::{self, Scene};
+use crate::frame::Frame;
+use crate::geometry::Rect;
+use crate::params::{Assignment, assignment};
+use crate::replay::{self, FrameSource, truth};
+use crate::session::Session;
+use crate::tracker::Output;
+
+/// Follow a target through recorded frames.
+///
+/// Writes CSV: the header x,y,w,h,confidence,state and one row a frame, the first with the initial box. Boxes are in
+/// pixels from the top left corner; the state is tracking, uncertain or lost, and the box of a lost target is the
+/// best guess. The last line on standard error tells the speed. Exit codes: 0 done, 1 failed while running, 2
+/// unusable arguments.
+#[derive(Debug, Parser)]
+#[command(name = "track", version)]
+pub struct Args {
+    /// A folder of images (jpg, jpeg, png; in the order of the numbers in their names), or one with them in img/.
+    source: PathBuf,
+    /// The target's box on the first frame; without it, the first row of a groundtruth_rect.txt beside the images.
+    #[arg(long, value_name = "X,Y,W,H", value_parser = truth::parse, allow_hyphen_values = true)]
+    init: Option<Rect>,
+    /// The tracker to use; stands for -p algorithm:=NAME.
+    #[arg(long, value_name = "NAME")]
+    algorithm: Option<String>,
+    /// A ROS parameter file; of several, later ones win.
+    #[arg(long, value_name = "FILE.yaml")]
+    params: Vec<PathBuf>,
+    /// Sets a parameter; wins over files.
+    #[arg(short = 'p', long = "param", value_name = "NAME:=VALUE", value_parser = assignment)]
+    set: Vec<Assignment>,
+    /// Where the rows go instead of standard output.
+    #[arg(long, value_name = "FILE.csv")]
+    output: Option<PathBuf>,
+    /// Writes each frame as DIR/000001.png, ...: left with box, search window, prediction and proposals, right with
+    /// the response map.
+    #[arg(long, value_name = "DIR")]
+    annotate: Option<PathBuf>,
+}
+
+/// Runs the command to the end of the frames.
+pub fn run(args: &Args) -> Result<(), Error> {
+    let params = params(&args.params, args.algorithm.as_deref(), &args.set)?;
+    let mut source = replay::open(&args.source).map_err(Error::Source)?;
+    let (init, from) = target(args, source.as_ref())?;
+    let first = source.next_frame().map_err(Error::Read)?;
+    let mut session = Session::new(params);
+    let mut watch = (StageClock::default(), Scene::default());
+    if let Some(buffer) = &first {
+        watch.0.begin();
+        session.start(&buffer.frame(), init, &mut watch).map_err(|source| Error::Start { from, source })?;
+        watch.0.end();
+    }
+    let mut rows = Rows::create(args.output.as_deref())?;
+    let pictures = args.annotate.as_deref().map(Pictures::create).transpose()?;
+
+    let bar = progress(source.remaining().map(|n| n + 1));
+    let begun = Instant::now();
+    let mut next = first;
+    let mut frames = 0;
+    while let Some(buffer) = next {
+        let frame = buffer.frame();
+        if frames > 0 {
+            watch.1.clear();
+            watch.0.begin();
+            session.step(&frame, &mut watch);
+            watch.0.end();
+        }
+        frames += 1;
+        if !rows.write(session.output())? {
+            return Ok(());
+        }
+        if let Some(pictures) = &pictures {
+            pictures.write(frames, &frame, session.output(), &watch.1)?;
+        }
+        bar.inc(1);
+        next = source.next_frame().map_err(Error::Read)?;
+    }
+    rows.finish()?;
+    bar.finish_and_clear();
+    eprintln!("{}; {:.1} with reading and writing", watch.0, per_second(frames, begun.elapsed()));
+    Ok(())
+}
+
+/// The target's box on the first frame, and what it was taken from.
+fn target(args: &Args, source: &dyn FrameSource) -> Result<(Rect, String), Error> {
+    if let Some(rect) = args.init {
+        return Ok((rect, "--init".to_owned()));
+    }
+    let candidates = source.truth_candidates();
+    let path = candidates.iter().find(|p| p.exists()).or(candidates.first());
+    let path = path.map_or_else(|| PathBuf::from(truth::FILE_NAME), Clone::clone);
+    if !path.exists() {
+        return Err(Error::NoTarget(path));
+    }
+    match truth::read(&path).map_err(Error::Truth)?.first() {
+        Some(&Some(rect)) => Ok((rect, path.display().to_string())),
+        _ => Err(Error::NoTarget(path)),
+    }
+}
+
+/// Where the rows go.
+struct Rows {
+    out: Box<dyn Write>,
+    name: String,
+}
+
+impl Rows {
+    fn create(path: Option<&Path>) -> Result<Self, Error> {
+        let (out, name): (Box<dyn Write>, _) = match path {
+            None => (Box::new(io::stdout().lock()), "standard output".to_owned()),
+            Some(path) => {
+                let file = File::create(path).map_err(|source| Error::Create { path: path.to_owned(), source })?;
+                (Box::new(BufWriter::new(file)), path.display().to_string())
+            }
+        };
+        let mut rows = Self { out, name };
+        let header = writeln!(rows.out, "{}", rows::HEADER);
+        rows.check(header)?;
+        Ok(rows)
+    }
+
+    /// Writes a frame's row. `false`: nobody reads on.
+    fn write(&mut self, output: &Output) -> Result<bool, Error> {
+        let written = rows::write(&mut self.out, output).and_then(|()| writeln!(self.out));
+        self.check(written)
+    }
+
+    fn finish(mut self) -> Result<(), Error> {
+        let flushed = self.out.flush();
+        self.check(flushed).map(drop)
+    }
+
+    /// A closed pipe is a reader who has seen enough (`track ... | head`).
+    fn check(&self, result: io::Result<()>) -> Result<bool, Error> {
+        match result {
+            Ok(()) => Ok(true),
+            Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(false),
+            Err(e) => Err(Error::Write { to: self.name.clone(), why: e.to_string() }),
+        }
+    }
+}
+
+/// The folder of annotated frames.
+struct Pictures {
+    folder: PathBuf,
+}
+
+impl Pictures {
+    fn create(folder: &Path) -> Result<Self, Error> {
+        std::fs::create_dir_all(folder).map_err(|source| Error::Create { path: folder.to_owned(), source })?;
+        Ok(Self { folder: folder.to_owned() })
+    }
+
+    fn write(&self, number: usize, frame: &Frame, output: &Output, scene: &Scene) -> Result<(), Error> {
+        let (left, right) = (draw::annotated(frame, output, scene), draw::response(frame, scene));
+        let mut both = RgbImage::new(left.width() + right.width(), left.height());
+        imageops::replace(&mut both, &left, 0, 0);
+        imageops::replace(&mut both, &right, i64::from(left.width()), 0);
+        let path = self.folder.join(format!("{number:06}.png"));
+        let failed = |why: String| Error::Write { to: path.display().to_string(), why };
+        let mut file = BufWriter::new(File::create(&path).map_err(|e| failed(e.to_string()))?);
+        PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Adaptive)
+            .write_image(&both, both.width(), both.height(), image::ExtendedColorType::Rgb8)
+            .map_err(|e| failed(e.to_string()))?;
+        file.flush().map_err(|e| failed(e.to_string()))
+    }
+}

@@ -1,0 +1,70 @@
+//! What became of a target that was reported lost.
+
+use crate::geometry::Rect;
+use crate::tracker::State;
+
+/// Overlap with the true box above which a found target counts as the right one.
+pub const RECOVERED_OVERLAP: f64 = 0.3;
+/// Frames after the end of a loss within which that overlap must be reached.
+pub const RECOVERY_FRAMES: usize = 10;
+
+/// Losses of a target and how they ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Losses {
+    /// Frames on which it was reported lost.
+    pub frames: usize,
+    /// Runs of such frames.
+    pub count: usize,
+    /// Runs after which the right target was found: within 10 frames, and before it is lost again, a box overlaps
+    /// the true one by more than 0.3.
+    pub recovered: usize,
+}
+
+/// Counts the losses among frames with the state and box of each, and the true box where there is one.
+pub fn losses(rows: &[(State, Rect)], truth: &[Option<Rect>]) -> Losses {
+    let lost = |i: usize| rows[i].0 == State::Lost;
+    let right = |i: usize| truth[i].is_some_and(|t| t.iou(&rows[i].1) > RECOVERED_OVERLAP);
+    let count = rows.len().min(truth.len());
+    let mut found = Losses::default();
+    for i in (0..count).filter(|&i| lost(i)) {
+        found.frames += 1;
+        found.count += usize::from(i == 0 || !lost(i - 1));
+        let mut after = (i + 1..count).take(RECOVERY_FRAMES).take_while(|&k| !lost(k));
+        found.recovered += usize::from(after.any(right));
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows from letters: `t` tracked on the target, `w` tracked on something else, `l` lost, `a` absent and
+    /// tracked nowhere.
+    fn count(letters: &str) -> Losses {
+        let target = Rect::new(0.0, 0.0, 10.0, 20.0);
+        let (rows, truth): (Vec<_>, Vec<_>) = letters
+            .chars()
+            .map(|c| match c {
+                't' => ((State::Tracking, target.shifted(2.0, 0.0)), Some(target)),
+                'w' => ((State::Uncertain, target.shifted(8.0, 0.0)), Some(target)),
+                'a' => ((State::Tracking, target), None),
+                _ => ((State::Lost, target), Some(target)),
+            })
+            .unzip();
+        losses(&rows, &truth)
+    }
+
+    #[test]
+    fn runs_of_lost_frames_are_losses_and_recovered_on_the_right_target_only() {
+        let of = |frames, count, recovered| Losses { frames, count, recovered };
+        assert_eq!(count("tttt"), of(0, 0, 0));
+        assert_eq!(count("ttlllt"), of(3, 1, 1));
+        assert_eq!(count("ttlllw"), of(3, 1, 0));
+        assert_eq!(count("tlwltl"), of(3, 3, 1), "only the second loss ends well");
+        assert_eq!(count("tlaat"), of(1, 1, 1));
+        assert_eq!(count("tlwwwwwwwwwt"), of(1, 1, 1), "the tenth frame still counts");
+        assert_eq!(count("tlwwwwwwwwwwt"), of(1, 1, 0), "the eleventh does not");
+        assert_eq!(count("tlla"), of(2, 1, 0), "absent all along");
+    }
+}

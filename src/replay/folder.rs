@@ -1,0 +1,206 @@
+//! A folder of images as a source of frames.
+
+use std::path::{Path, PathBuf};
+
+use image::{DynamicImage, ImageFormat};
+
+use super::truth::FILE_NAME;
+use super::{FrameBuffer, FrameSource, ReplayError};
+use crate::frame::Encoding;
+
+/// Names that images end in, in any case.
+pub const EXTENSIONS: [&str; 3] = ["jpg", "jpeg", "png"];
+/// The folder within a sequence's folder that holds its images.
+const IMAGE_FOLDER: &str = "img";
+/// A file of at most so many bytes may be a link in writing; no image is that small.
+const MAX_LINK: usize = 1024;
+
+/// The images of a folder, sorted by name; numbers within names count as numbers, so that `10` follows `9`.
+#[derive(Debug)]
+pub struct Folder {
+    images: std::vec::IntoIter<PathBuf>,
+    path: PathBuf,
+}
+
+impl Folder {
+    /// The images in `path`, or in `path/img` where there is such a folder. None at all is an error.
+    pub fn open(path: &Path) -> Result<Self, ReplayError> {
+        let inner = path.join(IMAGE_FOLDER);
+        let path = if inner.is_dir() { inner } else { path.to_owned() };
+        let failed = |source| ReplayError::Io { path: path.clone(), source };
+        let mut images = Vec::new();
+        for entry in std::fs::read_dir(&path).map_err(failed)? {
+            let entry = entry.map_err(failed)?.path();
+            if is_image(&entry) {
+                images.push(entry);
+            }
+        }
+        if images.is_empty() {
+            return Err(ReplayError::NoImages { path });
+        }
+        alphanumeric_sort::sort_path_slice(&mut images);
+        Ok(Self { images: images.into_iter(), path })
+    }
+}
+
+impl FrameSource for Folder {
+    fn next_frame(&mut self) -> Result<Option<FrameBuffer>, ReplayError> {
+        self.images.next().map(|path| read(&path)).transpose()
+    }
+
+    fn remaining(&self) -> Option<usize> {
+        Some(self.images.len())
+    }
+
+    fn truth_candidates(&self) -> Vec<PathBuf> {
+        let beside = self.path.join(FILE_NAME);
+        let above = self.path.parent().filter(|_| self.path.ends_with(IMAGE_FOLDER)).map(|p| p.join(FILE_NAME));
+        above.into_iter().chain([beside]).collect()
+    }
+}
+
+/// Hidden files are none: archives leave such behind (`._0001.jpg`).
+fn is_image(path: &Path) -> bool {
+    let hidden = path.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
+    let known = |ext: &str| EXTENSIONS.iter().any(|e| e.eq_ignore_ascii_case(ext));
+    !hidden && path.extension().and_then(|e| e.to_str()).is_some_and(known) && !path.is_dir()
+}
+
+/// Reads an image file. Grey stays grey; more than 8 bits a channel become 8; transparency is ignored.
+pub fn read(path: &Path) -> Result<FrameBuffer, ReplayError> {
+    let bytes = load(path)?;
+    let broken = |why: String| ReplayError::Decode { path: path.to_owned(), why };
+    let format = image::guess_format(&bytes).map_err(|_| broken(format!("{} bytes are no image", bytes.len())))?;
+    if format == ImageFormat::Jpeg && !is_whole_jpeg(&bytes) {
+        return Err(broken(format!("the JPEG data is cut off after {} bytes", bytes.len())));
+    }
+    let image = image::load_from_memory_with_format(&bytes, format).map_err(|e| broken(e.to_string()))?;
+    let (width, height) = (image.width(), image.height());
+    let (data, encoding) = match image {
+        DynamicImage::ImageRgb8(pixels) => (pixels.into_raw(), Encoding::Rgb8),
+        DynamicImage::ImageRgba8(pixels) => (pixels.into_raw(), Encoding::Rgba8),
+        grey if !grey.color().has_color() => (grey.into_luma8().into_raw(), Encoding::Mono8),
+        other => (other.into_rgb8().into_raw(), Encoding::Rgb8),
+    };
+    let step = width as usize * encoding.bytes();
+    FrameBuffer::new(data, width, height, step, encoding, None)
+        .map_err(|source| ReplayError::Frame { path: path.to_owned(), source })
+}
+
+/// The bytes of a file, or of the one it stands for: archives and file systems without symbolic links keep such a
+/// link as a small file that holds the path.
+fn load(path: &Path) -> Result<Vec<u8>, ReplayError> {
+    let get = |path: &Path| std::fs::read(path).map_err(|source| ReplayError::Io { path: path.to_owned(), source });
+    let bytes = get(path)?;
+    let link = (bytes.len() <= MAX_LINK)
+        .then(|| std::str::from_utf8(&bytes).ok())
+        .flatten()
+        .map(str::trim)
+        .filter(|text| !text.is_empty() && !text.contains(char::is_control));
+    match (link, path.parent()) {
+        (Some(link), Some(parent)) if is_image(Path::new(link)) => get(&parent.join(link)),
+        _ => Ok(bytes),
+    }
+}
+
+/// Whether an end marker follows the last start of a scan. The decoder would fill what is missing with grey.
+fn is_whole_jpeg(bytes: &[u8]) -> bool {
+    const SCAN: [u8; 2] = [0xff, 0xda];
+    const END: [u8; 2] = [0xff, 0xd9];
+    let end = bytes.windows(2).rposition(|w| w == END);
+    end.is_some_and(|end| !bytes[end..].windows(2).any(|w| w == SCAN))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{ImageBuffer, Luma, Rgb, Rgba};
+
+    fn gradient() -> image::RgbImage {
+        image::RgbImage::from_fn(64, 48, |x, y| Rgb([4 * x as u8, 5 * y as u8, (3 * x * y) as u8]))
+    }
+
+    fn names(mut source: Folder) -> Vec<String> {
+        std::iter::from_fn(|| source.images.next()).map(|p| p.file_name().unwrap().to_str().unwrap().into()).collect()
+    }
+
+    #[test]
+    fn images_are_sorted_by_the_numbers_in_their_names() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["f10.png", "f9.jpg", "f1.JPEG", "f100.png", "notes.txt", "._f9.jpg"] {
+            std::fs::write(dir.path().join(name), b"").unwrap();
+        }
+        let source = Folder::open(dir.path()).unwrap();
+        assert_eq!(source.remaining(), Some(4));
+        assert_eq!(source.truth_candidates(), [dir.path().join(FILE_NAME)]);
+        assert_eq!(names(source), ["f1.JPEG", "f9.jpg", "f10.png", "f100.png"]);
+    }
+
+    #[test]
+    fn an_inner_folder_is_preferred_and_an_empty_one_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let inner = dir.path().join(IMAGE_FOLDER);
+        std::fs::create_dir(&inner).unwrap();
+        let message = Folder::open(dir.path()).unwrap_err().to_string();
+        assert_eq!(message, format!("{}: no images (jpg, jpeg, png) in the folder", inner.display()));
+        std::fs::write(inner.join("1.png"), b"").unwrap();
+        let source = Folder::open(dir.path()).unwrap();
+        assert_eq!(source.truth_candidates()[0], dir.path().join(FILE_NAME));
+        assert_eq!(names(source), ["1.png"]);
+    }
+
+    #[test]
+    fn pixel_layouts_are_taken_as_they_are_or_as_the_nearest_that_frames_know() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        let encoding = |image: DynamicImage| {
+            image.save(&path).unwrap();
+            let buffer = read(&path).unwrap();
+            (buffer.encoding, buffer.frame().rgb(1, 0))
+        };
+        let rgb: ImageBuffer<Rgb<u8>, _> = ImageBuffer::from_pixel(3, 2, Rgb([1, 2, 3]));
+        assert_eq!(encoding(rgb.into()), (Encoding::Rgb8, [1, 2, 3]));
+        let rgba: ImageBuffer<Rgba<u8>, _> = ImageBuffer::from_pixel(3, 2, Rgba([1, 2, 3, 0]));
+        assert_eq!(encoding(rgba.into()), (Encoding::Rgba8, [1, 2, 3]));
+        let grey: ImageBuffer<Luma<u8>, _> = ImageBuffer::from_pixel(3, 2, Luma([7]));
+        assert_eq!(encoding(grey.clone().into()), (Encoding::Mono8, [7; 3]));
+        let veiled = DynamicImage::from(grey).to_luma_alpha8();
+        assert_eq!(encoding(veiled.into()), (Encoding::Mono8, [7; 3]));
+        let deep: ImageBuffer<Rgb<u16>, _> = ImageBuffer::from_pixel(3, 2, Rgb([257, 514, 771]));
+        assert_eq!(encoding(deep.into()), (Encoding::Rgb8, [1, 2, 3]));
+        let deep: ImageBuffer<Luma<u16>, _> = ImageBuffer::from_pixel(3, 2, Luma([257]));
+        assert_eq!(encoding(deep.into()), (Encoding::Mono8, [1; 3]));
+    }
+
+    #[test]
+    fn broken_images_are_named_wherever_they_end() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["a.jpg", "a.png"] {
+            let path = dir.path().join(name);
+            gradient().save(&path).unwrap();
+            let whole = std::fs::read(&path).unwrap();
+            assert!(read(&path).is_ok());
+            for share in [0, 1, 20, 50, 90, 99] {
+                std::fs::write(&path, &whole[..whole.len() * share / 100]).unwrap();
+                let message = read(&path).unwrap_err().to_string();
+                assert!(message.starts_with(&format!("{}: cannot be decoded: ", path.display())), "{message}");
+            }
+        }
+        let path = dir.path().join("gone.jpg");
+        assert!(read(&path).unwrap_err().to_string().contains("gone.jpg: No such file"));
+    }
+
+    #[test]
+    fn a_written_link_stands_for_the_image_it_names() {
+        let dir = tempfile::tempdir().unwrap();
+        let (frames, img) = (dir.path().join("frames"), dir.path().join("img"));
+        for folder in [&frames, &img] {
+            std::fs::create_dir(folder).unwrap();
+        }
+        gradient().save(frames.join("1.png")).unwrap();
+        std::fs::write(img.join("1.png"), "../frames/1.png\n").unwrap();
+        assert_eq!(read(&img.join("1.png")).unwrap(), read(&frames.join("1.png")).unwrap());
+        std::fs::write(img.join("2.png"), "../frames/2.png").unwrap();
+        assert!(read(&img.join("2.png")).unwrap_err().to_string().contains("frames/2.png: No such file"));
+    }
+}

@@ -1,0 +1,61 @@
+//! Marked boxes of a sequence: `groundtruth_rect.txt`, one row a frame.
+
+use std::path::Path;
+
+use super::ReplayError;
+use crate::geometry::Rect;
+
+/// The file's name beside the images.
+pub const FILE_NAME: &str = "groundtruth_rect.txt";
+
+/// The boxes of a file, one a frame: `x,y,w,h` in pixels, separated by commas, tabs or spaces. `None` where the
+/// target is not in view: a number is NaN, or the box has no area. Empty lines are skipped.
+pub fn read(path: &Path) -> Result<Vec<Option<Rect>>, ReplayError> {
+    let text = std::fs::read_to_string(path).map_err(|source| ReplayError::Io { path: path.to_owned(), source })?;
+    let rows = text.lines().enumerate().filter(|(_, row)| !row.trim().is_empty());
+    rows.map(|(i, row)| {
+        let rect = parse(row).map_err(|why| ReplayError::Box {
+            path: path.to_owned(),
+            line: i + 1,
+            text: row.trim().to_owned(),
+            why,
+        })?;
+        Ok((rect.is_finite() && rect.area() > 0.0).then_some(rect))
+    })
+    .collect()
+}
+
+/// A box as four numbers: x, y, width, height.
+pub fn parse(text: &str) -> Result<Rect, String> {
+    let words: Vec<&str> = text.split([',', '\t', ' ']).filter(|w| !w.trim().is_empty()).collect();
+    let &[x, y, w, h] = words.as_slice() else {
+        return Err(format!("it must hold four numbers x,y,w,h, not {}", words.len()));
+    };
+    let number = |word: &str| word.trim().parse::<f64>().map_err(|_| format!("'{word}' is no number"));
+    Ok(Rect::new(number(x)?, number(y)?, number(w)?, number(h)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_read_whatever_separates_their_numbers() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(FILE_NAME);
+        let marked = Some(Rect::new(1.5, 2.0, 30.0, 40.0));
+        std::fs::write(&path, "1.5,2,30,40\n1.5\t2\t30\t40\r\n 1.5  2 30, 40\nNaN,NaN,NaN,NaN\n0,0,0,0\n\n").unwrap();
+        assert_eq!(read(&path).unwrap(), [marked, marked, marked, None, None]);
+    }
+
+    #[test]
+    fn what_is_no_box_is_named_with_its_line() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(FILE_NAME);
+        for (row, why) in [("1,2,3", "it must hold four numbers x,y,w,h, not 3"), ("1,2,x,4", "'x' is no number")] {
+            std::fs::write(&path, format!("1,2,3,4\n{row}\n")).unwrap();
+            let expected = format!("{}, line 2: '{row}' is no box: {why}", path.display());
+            assert_eq!(read(&path).unwrap_err().to_string(), expected);
+        }
+    }
+}

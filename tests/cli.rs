@@ -1,0 +1,307 @@
+//! The offline commands as a user runs them: the real binaries on folders of images made here.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use image::{Rgb, RgbImage};
+use long_term_tracker::Rect;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use tempfile::TempDir;
+
+const SIZE: (u32, u32) = (160, 120);
+const FRAMES: usize = 10;
+
+/// The target's true box on a frame.
+fn target(frame: usize) -> Rect {
+    Rect::new(30.0 + 3.0 * frame as f64, 40.0 + frame as f64, 24.0, 32.0)
+}
+
+fn noise(seed: u64, width: u32, height: u32, dark: bool) -> RgbImage {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let range = if dark { 20..90 } else { 60..250 };
+    // Blocks of 4 px, so that features of 4 px cells have something to hold on to.
+    let (cols, rows) = (width.div_ceil(4), height.div_ceil(4));
+    let cells: Vec<[u8; 3]> =
+        (0..cols * rows).map(|_| std::array::from_fn(|_| rng.random_range(range.clone()))).collect();
+    RgbImage::from_fn(width, height, |x, y| Rgb(cells[(y / 4 * cols + x / 4) as usize]))
+}
+
+/// Writes a sequence of a textured target on a textured ground: `img/1.png` to `img/10.png`, and the true boxes,
+/// none on the fourth frame.
+fn write_sequence(folder: &Path) {
+    let (ground, figure) = (noise(1, SIZE.0, SIZE.1, true), noise(2, 24, 32, false));
+    let img = folder.join("img");
+    std::fs::create_dir_all(&img).unwrap();
+    let mut truth = String::new();
+    for frame in 0..FRAMES {
+        let t = target(frame);
+        let mut image = ground.clone();
+        image::imageops::replace(&mut image, &figure, t.x as i64, t.y as i64);
+        image.save(img.join(format!("{}.png", frame + 1))).unwrap();
+        let row = format!("{}\t{}\t{}\t{}\n", t.x, t.y, t.w, t.h);
+        truth += if frame == 3 { "NaN\tNaN\tNaN\tNaN\n" } else { &row };
+    }
+    std::fs::write(folder.join("groundtruth_rect.txt"), truth).unwrap();
+}
+
+fn sequence() -> TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    write_sequence(dir.path());
+    dir
+}
+
+fn track(source: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_track")).arg(source).args(args).output().unwrap()
+}
+
+fn evaluate(dataset: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_evaluate")).arg(dataset).args(args).output().unwrap()
+}
+
+fn stdout(output: &Output) -> &str {
+    std::str::from_utf8(&output.stdout).unwrap()
+}
+
+fn stderr(output: &Output) -> &str {
+    std::str::from_utf8(&output.stderr).unwrap()
+}
+
+/// The box, confidence and state of each row, after a check of the header.
+fn rows(csv: &str) -> Vec<(Rect, f64, String)> {
+    let mut lines = csv.lines();
+    assert_eq!(lines.next(), Some("x,y,w,h,confidence,state"));
+    lines
+        .map(|line| {
+            let words: Vec<&str> = line.split(',').collect();
+            let &[x, y, w, h, confidence, state] = words.as_slice() else { panic!("{line}") };
+            let number = |word: &str| word.parse::<f64>().unwrap();
+            (Rect::new(number(x), number(y), number(w), number(h)), number(confidence), state.to_owned())
+        })
+        .collect()
+}
+
+#[track_caller]
+fn assert_refused(output: &Output, code: i32, message: &str) {
+    assert_eq!(output.status.code(), Some(code), "{}", stderr(output));
+    assert!(stderr(output).contains(message), "{}", stderr(output));
+    assert!(!stderr(output).contains("panicked"), "{}", stderr(output));
+}
+
+#[test]
+fn a_row_a_frame_goes_to_standard_output_and_the_speed_to_standard_error() {
+    let dir = sequence();
+    let output = track(dir.path(), &[]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let rows = rows(stdout(&output));
+    assert_eq!(rows.len(), FRAMES);
+    assert_eq!(rows[0], (target(0), 1.0, "tracking".to_owned()));
+    for (frame, (rect, confidence, state)) in rows.iter().enumerate() {
+        assert!(rect.iou(&target(frame)) > 0.5, "frame {frame}: {rect}");
+        assert!(*confidence >= 0.0 && ["tracking", "uncertain", "lost"].contains(&state.as_str()));
+    }
+    let line = stderr(&output);
+    assert_eq!(line.lines().count(), 1, "no bar where there is no terminal: {line}");
+    assert!(line.starts_with("10 frames, ") && line.contains(" frames/s (features "), "{line}");
+}
+
+#[test]
+fn a_folder_of_images_file_output_and_an_explicit_box_give_the_same_rows() {
+    let dir = sequence();
+    let csv = dir.path().join("boxes.csv");
+    let output = track(&dir.path().join("img"), &["--output", csv.to_str().unwrap(), "--init", "30,40,24,32"]);
+    assert_eq!((output.status.code(), stdout(&output)), (Some(0), ""));
+    assert_eq!(std::fs::read_to_string(&csv).unwrap(), stdout(&track(dir.path(), &[])));
+}
+
+#[test]
+fn unusable_arguments_end_with_2_and_the_reason() {
+    let dir = sequence();
+    let empty = tempfile::tempdir().unwrap();
+    let missing = dir.path().join("missing");
+    assert_refused(&track(&missing, &[]), 2, &format!("{}: no such file or folder", missing.display()));
+    assert_refused(&track(empty.path(), &[]), 2, &format!("{}: no images", empty.path().display()));
+    for (init, why) in [
+        ("NaN,1,20,20", "--init: box 20 x 20 at (NaN, 1) is not finite"),
+        ("900,5,20,20", "--init: box 20 x 20 at (900, 5) lies outside the image of 160 x 120"),
+        ("5,5,0,0", "--init: box 0 x 0 at (5, 5) is too small"),
+        ("5,5,500,3", "--init: box 500 x 3 at (5, 5) is too small"),
+        ("5,5,20", "four numbers x,y,w,h"),
+        ("5,5,20,x", "'x' is no number"),
+    ] {
+        let output = track(dir.path(), &["--init", init]);
+        assert_refused(&output, 2, why);
+        assert_eq!(stdout(&output), "");
+    }
+    let csv = missing.join("boxes.csv");
+    assert_refused(&track(dir.path(), &["--output", csv.to_str().unwrap()]), 2, &csv.display().to_string());
+    assert_refused(&track(dir.path(), &["-p", "seed"]), 2, "NAME:=VALUE");
+    assert_refused(&track(dir.path(), &["-p", "seed:=-1"]), 2, "'seed' must lie in");
+    assert_refused(&track(dir.path(), &["--algorithm", "guess"]), 2, "'algorithm' must be one of");
+    assert_refused(&track(dir.path(), &["--params", missing.to_str().unwrap()]), 2, &missing.display().to_string());
+    assert_refused(&track(dir.path(), &["--colour"]), 2, "--colour");
+}
+
+#[test]
+fn without_a_marked_box_the_target_must_be_given() {
+    let dir = sequence();
+    let truth = dir.path().join("groundtruth_rect.txt");
+    std::fs::write(&truth, "NaN,NaN,NaN,NaN\n1,2,30,40\n").unwrap();
+    let expected = format!("no target: give --init X,Y,W,H, for there is no {}", truth.display());
+    assert_refused(&track(dir.path(), &[]), 2, &expected);
+    std::fs::write(&truth, "1,2,30\n").unwrap();
+    assert_refused(&track(dir.path(), &[]), 2, &format!("{}, line 1: '1,2,30' is no box", truth.display()));
+    std::fs::remove_file(&truth).unwrap();
+    assert_refused(&track(dir.path(), &[]), 2, &expected);
+    assert_eq!(track(dir.path(), &["--init", "30,40,24,32"]).status.code(), Some(0));
+}
+
+#[test]
+fn a_broken_image_ends_the_run_with_1_after_the_rows_before_it() {
+    let dir = sequence();
+    let image = dir.path().join("img/5.png");
+    let bytes = std::fs::read(&image).unwrap();
+    std::fs::write(&image, &bytes[..bytes.len() / 2]).unwrap();
+    let output = track(dir.path(), &[]);
+    assert_refused(&output, 1, &format!("{}: cannot be decoded", image.display()));
+    assert_eq!(rows(stdout(&output)).len(), 4);
+}
+
+#[test]
+fn a_closed_pipe_ends_the_run_quietly() {
+    let dir = sequence();
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_track"));
+    let output = command.arg(dir.path()).stdout(writer).stderr(Stdio::piped()).output().unwrap();
+    assert_eq!((output.status.code(), stderr(&output)), (Some(0), ""));
+}
+
+#[test]
+fn annotated_frames_show_the_box_beside_the_response_map() {
+    let dir = sequence();
+    let folder = dir.path().join("annotated");
+    let output = track(dir.path(), &["--annotate", folder.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let mut names: Vec<PathBuf> = std::fs::read_dir(&folder).unwrap().map(|e| e.unwrap().path()).collect();
+    names.sort();
+    assert_eq!(names.len(), FRAMES);
+    assert!(names[0].ends_with("000001.png"));
+    let bytes = std::fs::read(&names[FRAMES - 1]).unwrap();
+    let picture = image::load_from_memory(&bytes).unwrap().into_rgb8();
+    assert_eq!(picture.dimensions(), (2 * SIZE.0, SIZE.1));
+    let rect = rows(stdout(&output))[FRAMES - 1].0;
+    let on_side = picture.get_pixel(rect.x.round() as u32, rect.centre()[1] as u32);
+    let state = &rows(stdout(&output))[FRAMES - 1].2;
+    assert!(state != "tracking" || (on_side[1] > 180 && on_side[0] < 120), "green at the left side: {on_side:?}");
+    // The map's dark violet covers the search window in the right half: more blue than green, over textured ground.
+    let right = image::imageops::crop_imm(&picture, SIZE.0, 0, SIZE.0, SIZE.1).to_image();
+    let violet = right.pixels().filter(|p| p[2] > p[1] + 25 && p[0] > p[1]).count();
+    assert!(violet > (2.0 * target(0).area()) as usize, "{violet} px");
+    let blocked = track(dir.path(), &["--annotate", names[0].to_str().unwrap()]);
+    assert_refused(&blocked, 2, &names[0].display().to_string());
+}
+
+/// `walk` as [`write_sequence`] makes it, and `late`, whose target is not there on the first frame.
+fn dataset() -> TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    for name in ["walk", "late"] {
+        write_sequence(&dir.path().join(name));
+    }
+    let truth = dir.path().join("late/groundtruth_rect.txt");
+    let text = std::fs::read_to_string(&truth).unwrap();
+    std::fs::write(&truth, text.replacen("30\t40\t24\t32", "NaN\tNaN\tNaN\tNaN", 1)).unwrap();
+    dir
+}
+
+fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+#[test]
+fn evaluation_scores_what_it_can_and_reports_what_it_cannot() {
+    let dir = dataset();
+    let (report, boxes) = (dir.path().join("report.json"), dir.path().join("boxes"));
+    let args = ["--json", report.to_str().unwrap(), "--boxes", boxes.to_str().unwrap()];
+    let output = evaluate(dir.path(), &args);
+    assert_refused(&output, 1, "error: lcmht, late: the target is not in view on the first frame");
+    assert!(stderr(&output).ends_with("error: 1 of 2 runs failed\n"), "{}", stderr(&output));
+    let table = stdout(&output);
+    assert!(table.starts_with("lcmht\n"), "{table}");
+    let first_words: Vec<_> = table.lines().skip(2).filter_map(|l| l.split_whitespace().next()).collect();
+    assert_eq!(first_words, ["walk", "mean"]);
+
+    let setup = &json(&report)["setups"][0];
+    assert_eq!(setup["sequences"].as_array().unwrap().len(), 1);
+    let walk = &setup["sequences"][0];
+    assert_eq!((walk["name"].as_str(), walk["frames"].as_u64()), (Some("walk"), Some(FRAMES as u64)));
+    assert_eq!((walk["precision"].as_f64(), walk["held"].as_f64()), (Some(1.0), Some(1.0)));
+    assert_eq!(setup["mean"]["auc"], walk["auc"]);
+    assert!(walk["auc"].as_f64().unwrap() > 0.5 && walk["fps"].as_f64().unwrap() > 0.0);
+
+    // The same boxes as the other command gives, and the overlap with the truth, NaN where there is none.
+    let csv = std::fs::read_to_string(boxes.join("walk.csv")).unwrap();
+    let (start, overlaps): (Vec<_>, Vec<_>) = csv.lines().map(|l| l.rsplit_once(',').unwrap()).unzip();
+    assert_eq!(start.join("\n") + "\n", stdout(&track(&dir.path().join("walk"), &[])));
+    assert_eq!((overlaps[0], overlaps[1], overlaps[4]), ("overlap", "1.000", "NaN"));
+}
+
+#[test]
+fn each_parameter_file_is_scored_by_itself_and_single_values_win() {
+    let dir = dataset();
+    let write = |name: &str, values: &str| {
+        let path = dir.path().join(name);
+        std::fs::write(&path, format!("/**:\n  ros__parameters: {{{values}}}\n")).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let (a, b) = (write("a.yaml", "seed: 1, debug.max_side: 100"), write("b.yaml", "seed: 2"));
+    let (report, boxes) = (dir.path().join("report.json"), dir.path().join("boxes"));
+    let output = evaluate(
+        dir.path(),
+        &[
+            "--params",
+            &a,
+            "--params",
+            &b,
+            "-p",
+            "seed:=7",
+            "--sequences",
+            "walk",
+            "--frames",
+            "4",
+            "--threads",
+            "1",
+            "--json",
+            report.to_str().unwrap(),
+            "--boxes",
+            boxes.to_str().unwrap(),
+        ],
+    );
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let report = json(&report);
+    let setups: Vec<_> = report["setups"].as_array().unwrap().iter().collect();
+    let names: Vec<_> = setups.iter().map(|s| s["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["lcmht-a", "lcmht-b"]);
+    assert_eq!(setups[0]["parameters"], serde_json::json!({"seed": "7", "debug.max_side": "100"}));
+    assert_eq!(setups[1]["parameters"], serde_json::json!({"seed": "7"}));
+    for (setup, name) in setups.iter().zip(names) {
+        assert_eq!(setup["mean"]["frames"], 4);
+        let csv = std::fs::read_to_string(boxes.join(name).join("walk.csv")).unwrap();
+        assert_eq!(csv.lines().count(), 5);
+    }
+    assert_eq!(stdout(&output).matches("mean").count(), 2);
+}
+
+#[test]
+fn unusable_datasets_end_with_2_and_the_reason() {
+    let dir = dataset();
+    let missing = dir.path().join("missing");
+    assert_refused(&evaluate(&missing, &[]), 2, &format!("{}: ", missing.display()));
+    let walk = dir.path().join("walk");
+    assert_refused(&evaluate(&walk, &[]), 2, &format!("{}: no sequences", walk.display()));
+    assert_refused(&evaluate(dir.path(), &["--sequences", "walk,run"]), 2, "no sequence 'run'; there are late, walk");
+    assert_refused(&evaluate(dir.path(), &["--algorithm", "guess"]), 2, "'algorithm' must be one of");
+    assert_refused(&evaluate(dir.path(), &["--threads", "0"]), 2, "--threads");
+    let json = missing.join("report.json");
+    assert_refused(&evaluate(dir.path(), &["--json", json.to_str().unwrap()]), 2, &json.display().to_string());
+}

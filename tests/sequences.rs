@@ -1,0 +1,54 @@
+//! The offline command on real video: benchmark sequences in the folder that `SEQUENCES_DIR` names. Where it is not
+//! set the tests say so and pass, for the video may not be shipped.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use long_term_tracker::Rect;
+use long_term_tracker::eval::otb::score;
+use long_term_tracker::replay::truth;
+
+/// A row of the CSV: the box and the state.
+type Row = (Rect, String);
+
+/// What `track` says of a sequence, and the truth; `None` where there is no video.
+fn track(name: &str) -> Option<(Vec<Row>, Vec<Option<Rect>>)> {
+    let Some(root) = std::env::var_os("SEQUENCES_DIR") else {
+        eprintln!("SEQUENCES_DIR is not set: nothing was tested on {name}");
+        return None;
+    };
+    let folder = PathBuf::from(root).join(name);
+    let output = Command::new(env!("CARGO_BIN_EXE_track")).arg(&folder).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let csv = String::from_utf8(output.stdout).unwrap();
+    let row = |line: &str| {
+        let words: Vec<&str> = line.split(',').collect();
+        (truth::parse(&words[..4].join(",")).unwrap(), words[5].to_owned())
+    };
+    let rows: Vec<Row> = csv.lines().skip(1).map(row).collect();
+    let truth = truth::read(&folder.join(truth::FILE_NAME)).unwrap();
+    assert_eq!(rows.len(), truth.len());
+    Some((rows, truth))
+}
+
+fn precision(rows: &[Row], truth: &[Option<Rect>]) -> f64 {
+    let boxes: Vec<Rect> = rows.iter().map(|r| r.0).collect();
+    score(&boxes, truth).unwrap().precision
+}
+
+#[test]
+fn a_pedestrian_in_plain_view_is_held_to_the_end() {
+    let Some((rows, truth)) = track("Crossing") else { return };
+    assert!(precision(&rows, &truth) > 0.95);
+    assert!(rows.iter().all(|r| r.1 != "lost"), "never out of sight");
+}
+
+#[test]
+fn a_runner_behind_a_pole_is_reported_lost_and_found_again() {
+    let Some((rows, truth)) = track("Jogging-1") else { return };
+    assert!(precision(&rows, &truth) > 0.9);
+    // The pole hides her from about frame 68 to 76.
+    let lost: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].1 == "lost").collect();
+    assert!(lost.iter().any(|i| (66..82).contains(i)), "{lost:?}");
+    assert!(lost.iter().all(|i| (60..100).contains(i)), "{lost:?}");
+}
