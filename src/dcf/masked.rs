@@ -310,7 +310,7 @@ mod tests {
         for (map, spectrum) in maps.chunks_exact(ROWS * COLS).zip(spectra.chunks_exact_mut(fft.bins())) {
             fft.forward(map, spectrum);
         }
-        Sample { layers: vec![0..CHANNELS], spectra }
+        Sample { layers: std::iter::once(0..CHANNELS).collect(), spectra }
     }
 
     const SETTINGS: Settings = Settings { memory: 3, first_weight: 0.2, regularisation: 0.05 };
@@ -338,7 +338,7 @@ mod tests {
         let mut b = nalgebra::DVector::<f64>::zeros(n);
         for (maps, weight) in all.iter().zip(weights) {
             // Row of the design matrix for each displacement: x[n + m] for the unknown (channel, m).
-            for t in 0..ROWS * COLS {
+            for (t, &wanted) in y.iter().enumerate() {
                 let row: Vec<f64> = (0..n)
                     .map(|u| {
                         let (channel, cell) = (u / support.len(), support[u % support.len()]);
@@ -348,7 +348,7 @@ mod tests {
                     })
                     .collect();
                 for i in 0..n {
-                    b[i] += weight * row[i] * f64::from(y[t]);
+                    b[i] += weight * row[i] * f64::from(wanted);
                     for j in 0..n {
                         a[(i, j)] += weight * row[i] * row[j];
                     }

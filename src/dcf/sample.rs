@@ -41,7 +41,8 @@ mod tests {
         let (rows, cols) = (6, 8);
         let mut fft = Fft2::new(rows, cols);
         let map: Vec<f32> = (0..48).map(|i| ((i * 29) % 17) as f32).collect();
-        let mut sample = Sample { layers: vec![0..1], spectra: vec![Complex32::default(); fft.bins()] };
+        let mut sample =
+            Sample { layers: std::iter::once(0..1).collect(), spectra: vec![Complex32::default(); fft.bins()] };
         fft.forward(&map, &mut sample.spectra);
         sample.shift(&fft, [2.0, -1.0]);
         let mut moved = vec![0.0; 48];

@@ -152,15 +152,15 @@ impl Hog {
                 let mut texture = [0.0; 4];
                 let mut signed = [0.0; SIGNED];
                 for (norm, texture) in norms.iter().zip(&mut texture) {
-                    for o in 0..SIGNED {
-                        let v = (h[o] * norm).min(TRUNCATE);
-                        signed[o] += v;
+                    for (sum, entry) in signed.iter_mut().zip(h) {
+                        let v = (entry * norm).min(TRUNCATE);
+                        *sum += v;
                         *texture += v;
                     }
                 }
                 let at = row * cols + col;
-                for o in 0..SIGNED {
-                    map.data[o * cells + at] = 0.5 * signed[o];
+                for (o, sum) in signed.iter().enumerate() {
+                    map.data[o * cells + at] = 0.5 * sum;
                 }
                 for o in 0..UNSIGNED {
                     let sum = h[o] + h[o + UNSIGNED];

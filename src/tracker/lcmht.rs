@@ -2,7 +2,7 @@
 //!
 //! A correlation filter on layers of features finds the target from frame to frame; a GM-PHD filter knows its motion;
 //! when the response says that the target is gone, an online support vector machine proposes places, the GM-PHD filter
-//! weighs them, and the correlation filter has the last word. [`Followed::step`] is the paper's Algorithm 1.
+//! weighs them, and the correlation filter has the last word. `Followed::step` is the paper's Algorithm 1.
 //!
 //! The paper learns in every frame, and so learns what hides the target. Here, by default, nothing is learned from a
 //! frame whose response is low for this target, and a target that keeps answering badly is lost: its box goes on as the
