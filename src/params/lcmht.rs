@@ -72,7 +72,7 @@ group! {
     pub struct LcmhtScale at "lcmht.scale." {
         enabled: bool = true; "Estimates the target's size by a scale filter; otherwise it stays as marked."
         step: f64 = 1.02, in 1.001..=1.2; "Ratio of neighbouring scales."
-        learning_rate: f64 = 0.04, in 0.0..=1.0; "Weight of a new sample."
+        learning_rate: f64 = 0.025, in 0.0..=1.0; "Weight of a new sample."
     }
 }
 
@@ -83,7 +83,7 @@ group! {
         activate: f64 = 0.5, in 0.0..=10.0; "Response below which the target is uncertain, nothing is learned, and re-detection begins (T_ad)."
         reacquire: f64 = 0.6, in 0.0..=10.0; "Response that a lost target must get where the detector proposes it; where it is expected, activate is enough."
         train: f64 = 0.6, in 0.0..=10.0; "Response above which the detector learns (T_td)."
-        lost: f64 = 0.4, in 0.0..=10.0; "Mean response of uncertain frames below which the target is lost."
+        lost: f64 = 0.35, in 0.0..=10.0; "Mean response of uncertain frames below which the target is lost."
         patience: i64 = 5, in 0..=1000, unit "frames"; "Uncertain frames before the target can be lost."
         gate: bool = true; "Learns only while the target is certain; otherwise in every frame, as the paper's Algorithm 1."
         adapt: f64 = 0.05, in 0.0..=1.0; "Rate at which the usual response follows that of a frame."

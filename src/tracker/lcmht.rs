@@ -150,8 +150,7 @@ impl Followed {
         self.reacquired = was_lost && tracking;
         self.lost_for = if self.confidence.state() == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
 
-        let resize = self.params.scale.enabled && (self.params.filter.interval == 1 || !self.is_due());
-        if tracking && !self.reacquired && resize {
+        if tracking && !self.reacquired && self.params.scale.enabled {
             trace.stage(Stage::Scale);
             self.rescale(frame, cropper);
         }
@@ -242,8 +241,7 @@ impl Followed {
         }
     }
 
-    /// Whether filters are updated in this frame. The size is estimated in the others, if there are any, which spreads
-    /// the work.
+    /// Whether filters are updated in this frame.
     fn is_due(&self) -> bool {
         self.age.is_multiple_of(self.params.filter.interval as u32)
     }
