@@ -14,6 +14,8 @@ pub mod geometry;
 pub mod learn;
 pub mod params;
 pub mod replay;
+#[cfg(feature = "ros")]
+pub mod ros;
 pub mod session;
 pub mod trace;
 pub mod tracker;

@@ -33,7 +33,7 @@ group! {
 group! {
     /// Debug images.
     pub struct Debug at "debug." {
-        max_side: i64 = 240, in 16..=4096, unit "px"; "Largest side of raw debug images; larger frames are scaled down, for default DDS peers lose images of more than 130 KB."
+        max_side: i64 = 208, in 16..=4096, unit "px"; "Largest side of raw debug images; larger frames are scaled down, for default DDS peers lose images of more than 130 KB."
         jpeg_quality: i64 = 80, in 1..=100; "JPEG quality of compressed debug images."
     }
 }

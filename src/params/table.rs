@@ -112,11 +112,18 @@ macro_rules! choice {
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum $name { $($(#[$variant_meta])* $variant,)* }
 
+        impl $name {
+            /// The string that stands for it.
+            pub const fn name(self) -> &'static str {
+                match self { $(Self::$variant => $text,)* }
+            }
+        }
+
         impl $crate::params::value::Stored for $name {
             const CHOICES: &'static [&'static str] = &[$($text,)*];
 
             fn to_value(&self) -> $crate::params::Value {
-                $crate::params::Value::String(match self { $(Self::$variant => $text,)* }.to_owned())
+                $crate::params::Value::String(self.name().to_owned())
             }
 
             fn from_value(value: &$crate::params::Value) -> Option<Self> {

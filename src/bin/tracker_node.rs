@@ -1,0 +1,7 @@
+//! The ROS 2 node; see [`long_term_tracker::ros`].
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    long_term_tracker::ros::run(std::env::args_os())
+}

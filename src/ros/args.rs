@@ -1,0 +1,211 @@
+//! The command line: `--ros-args` as rcl reads them, and the few arguments of our own.
+//!
+//! `--ros-args` opens a block of ROS arguments and `--` closes it; there may be several. What stands outside is
+//! ours.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use clap::Parser;
+use log::LevelFilter;
+
+use super::fault::Fault;
+use super::names::Rule;
+use crate::params;
+
+/// Follows a target that is marked in a camera stream.
+#[derive(Parser, Debug)]
+#[command(
+    name = "tracker_node",
+    version,
+    override_usage = "tracker_node [--ros-args [ROS ARGUMENTS]... [--]]",
+    after_help = "ROS arguments:\n  \
+        -r, --remap FROM:=TO           Rename a topic or service; __ns:=/NS and __node:=NAME rename the node\n  \
+        -p, --param NAME:=VALUE        Set a parameter\n      \
+        --params-file FILE         Set the parameters of a ROS parameter file\n      \
+        --log-level [NAME:=]LEVEL  debug, info, warn, error or fatal\n      \
+        --disable-rosout-logs      Do not send log lines to /rosout\n      \
+        --disable-stdout-logs      Do not write log lines to the terminal"
+)]
+struct Own {}
+
+/// All that the command line says.
+#[derive(Debug, Default)]
+pub struct Args {
+    /// Renamings, in order; the first that matches holds.
+    pub rules: Vec<Rule>,
+    /// Where parameters come from, in order; the last value holds.
+    pub parameters: Vec<Source>,
+    /// Levels of loggers, in order; no name means all of ours.
+    pub levels: Vec<(Option<String>, LevelFilter)>,
+    /// Whether log lines go to `/rosout`.
+    pub no_rosout: bool,
+    /// Whether log lines go to the terminal.
+    pub no_terminal: bool,
+}
+
+/// One source of parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Source {
+    /// A ROS parameter file.
+    File(PathBuf),
+    /// `[NODE:]NAME:=VALUE`.
+    Assignment {
+        /// The only node meant, where one is named.
+        node: Option<String>,
+        /// Name and value.
+        assignment: params::Assignment,
+    },
+}
+
+/// Why there are no arguments to go on with.
+#[derive(Debug)]
+pub enum Stop {
+    /// Help or version was asked for, or an argument outside `--ros-args` is unknown.
+    Clap(clap::Error),
+    /// A ROS argument cannot be used.
+    Fault(Fault),
+}
+
+impl From<Fault> for Stop {
+    fn from(fault: Fault) -> Self {
+        Self::Fault(fault)
+    }
+}
+
+/// Reads the arguments of a process, the first being the program's name.
+pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Args, Stop> {
+    let (mut own, mut ros) = (Vec::new(), Vec::new());
+    let mut in_block = false;
+    for arg in args {
+        let arg = arg.to_string_lossy().into_owned();
+        match (arg.as_str(), in_block) {
+            ("--ros-args", _) => in_block = true,
+            ("--", true) => in_block = false,
+            (_, true) => ros.push(arg),
+            (_, false) => own.push(arg),
+        }
+    }
+    Own::try_parse_from(own).map_err(Stop::Clap)?;
+    Ok(parse_ros(ros)?)
+}
+
+fn parse_ros(words: Vec<String>) -> Result<Args, Fault> {
+    let mut args = Args::default();
+    let mut words = words.into_iter();
+    while let Some(flag) = words.next() {
+        let mut value = || {
+            let why = || Fault::Argument { argument: flag.clone(), why: "it needs a value".to_owned() };
+            words.next().ok_or_else(why)
+        };
+        match flag.as_str() {
+            "-r" | "--remap" => args.rules.push(Rule::parse(&value()?)?),
+            "-p" | "--param" => args.parameters.push(assignment(&value()?)?),
+            "--params-file" => args.parameters.push(Source::File(value()?.into())),
+            "--log-level" => args.levels.push(level(&value()?)?),
+            "--enable-rosout-logs" => args.no_rosout = false,
+            "--disable-rosout-logs" => args.no_rosout = true,
+            "--enable-stdout-logs" => args.no_terminal = false,
+            "--disable-stdout-logs" => args.no_terminal = true,
+            // Security enclaves, log files and other back ends of rcl's logging have no counterpart here; launch
+            // files that name them must still work.
+            "-e" | "--enclave" | "--log-config-file" | "--log-file-name" => drop(value()?),
+            "--enable-external-lib-logs" | "--disable-external-lib-logs" => {}
+            _ => {
+                let why = "unknown ROS argument; see --help".to_owned();
+                return Err(Fault::Argument { argument: flag, why });
+            }
+        }
+    }
+    Ok(args)
+}
+
+fn assignment(text: &str) -> Result<Source, Fault> {
+    let (name, value) = text.split_once(":=").unwrap_or((text, ""));
+    let (node, rest) = match name.split_once(':') {
+        Some((node, name)) => (Some(node.to_owned()), format!("{name}:={value}")),
+        None => (None, text.to_owned()),
+    };
+    Ok(Source::Assignment { node, assignment: params::assignment(&rest)? })
+}
+
+fn level(text: &str) -> Result<(Option<String>, LevelFilter), Fault> {
+    let (logger, name) = match text.split_once(":=") {
+        Some((logger, name)) => (Some(logger.to_owned()), name),
+        None => (None, text),
+    };
+    let level = match name.to_ascii_lowercase().as_str() {
+        "unset" | "info" => LevelFilter::Info,
+        "debug" => LevelFilter::Debug,
+        "warn" => LevelFilter::Warn,
+        "error" | "fatal" => LevelFilter::Error,
+        _ => {
+            let why = "the level must be debug, info, warn, error or fatal".to_owned();
+            return Err(Fault::Argument { argument: format!("--log-level {text}"), why });
+        }
+    };
+    Ok((logger, level))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::Value;
+
+    fn args(line: &str) -> Result<Args, Stop> {
+        parse(line.split(' ').map(OsString::from))
+    }
+
+    fn fault(line: &str) -> String {
+        match args(line).unwrap_err() {
+            Stop::Fault(fault) => fault.to_string(),
+            Stop::Clap(error) => error.to_string(),
+        }
+    }
+
+    #[test]
+    fn blocks_are_joined_in_order_and_end_at_two_dashes() {
+        let got =
+            args("node --ros-args -r a:=b -- --ros-args -p n:x:=1 --params-file f.yaml -p y:=true -e /e").unwrap();
+        assert_eq!(got.rules, [Rule::parse("a:=b").unwrap()]);
+        let of = |node: Option<&str>, name: &str, value| Source::Assignment {
+            node: node.map(str::to_owned),
+            assignment: (name.to_owned(), value),
+        };
+        let want =
+            [of(Some("n"), "x", Value::Integer(1)), Source::File("f.yaml".into()), of(None, "y", Value::Bool(true))];
+        assert_eq!(got.parameters, want);
+        assert!(fault("node --ros-args -- -r a:=b").contains("-r"), "outside the block");
+    }
+
+    #[test]
+    fn log_levels_may_name_a_logger() {
+        let got = args("node --ros-args --log-level DEBUG --log-level rustdds:=warn --disable-rosout-logs").unwrap();
+        let want = [(None, LevelFilter::Debug), (Some("rustdds".to_owned()), LevelFilter::Warn)];
+        assert_eq!(got.levels, want);
+        assert!(got.no_rosout && !got.no_terminal);
+    }
+
+    #[test]
+    fn arguments_that_cannot_be_used_are_named() {
+        for (line, part) in [
+            ("node --ros-args --remap", "'--remap': it needs a value"),
+            ("node --ros-args --frobnicate", "'--frobnicate': unknown ROS argument"),
+            ("node --ros-args -r nonsense", "'nonsense'"),
+            ("node --ros-args -p x", "'x' is no parameter assignment"),
+            ("node --ros-args --log-level loud", "debug, info, warn, error or fatal"),
+            ("node stray", "unexpected argument 'stray'"),
+        ] {
+            let got = fault(line);
+            assert!(got.contains(part), "{line}: {got}");
+        }
+    }
+
+    #[test]
+    fn help_and_version_are_no_failures() {
+        for line in ["node --help", "node --version"] {
+            let Stop::Clap(error) = args(line).unwrap_err() else { panic!("{line}") };
+            assert_eq!(error.exit_code(), 0, "{line}");
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! Topics and services, with absolute names and their quality of service.
+
+use ros2_client::qos::{History, WhenFull};
+use ros2_client::ros2::{QosPolicyBuilder, policy};
+use ros2_client::{
+    Context, Message, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, ServiceMapping, ServiceTypeName,
+    Subscription,
+};
+use rustdds::TopicKind;
+
+use super::fault::Fault;
+use super::messages::{Image, Topic};
+use super::names::Names;
+use super::service::Service;
+
+/// How many small messages are kept for a peer that lags.
+const DEPTH: usize = 10;
+
+/// How images are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ImageReliability {
+    /// Sensor-data quality of service: what is lost is lost.
+    BestEffort,
+    /// Lost parts are asked for again.
+    Reliable,
+}
+
+/// A node on the network, and what its things are called.
+pub struct Endpoints {
+    /// The participant.
+    pub context: Context,
+    /// The node of the ROS 2 library.
+    pub node: Node,
+    /// The rules for names.
+    pub names: Names,
+    dds_name: NodeName,
+}
+
+impl Endpoints {
+    /// Puts the node on the network, without parameter services: [`parameter_services`](super::parameter_services)
+    /// has better ones.
+    pub fn new(context: Context, names: Names) -> Result<Self, Fault> {
+        let own = names.node();
+        let failed = |why: String| Fault::system(format!("create node {}", own.full()), why);
+        let dds_name = NodeName::new(&own.namespace, &own.name).map_err(|e| failed(e.to_string()))?;
+        let options = NodeOptions::new().start_parameter_services(false);
+        let node = context.new_node(dds_name.clone(), options).map_err(|e| failed(e.to_string()))?;
+        Ok(Self { context, node, names, dds_name })
+    }
+
+    /// Reads images. One sample is kept at most, or a slow reader sees ever older ones and memory grows.
+    pub fn images(&mut self, name: &Name, reliability: ImageReliability) -> Result<Subscription<Image>, Fault> {
+        let reliability = match reliability {
+            ImageReliability::BestEffort => policy::Reliability::BestEffort,
+            ImageReliability::Reliable => policy::Reliability::Reliable { max_blocking_time: rustdds::Duration::ZERO },
+        };
+        let qos = QosPolicyBuilder::new()
+            .reliability(reliability)
+            .durability(policy::Durability::Volatile)
+            .history(policy::History::KeepLast { depth: 1 })
+            .resource_limits(policy::ResourceLimits { max_samples: 1, max_instances: 1, max_samples_per_instance: 1 })
+            .build();
+        let failed = |why: String| Fault::system(format!("subscribe to {name}"), why);
+        let dds_name = name.to_dds_name("rt", &self.dds_name, "");
+        let topic = self
+            .context
+            .domain_participant()
+            .create_topic(dds_name, Image::type_name().dds_msg_type(), &qos, TopicKind::NoKey)
+            .map_err(|e| failed(e.to_string()))?;
+        self.node.create_subscription(&topic, None).map_err(|e| failed(e.to_string()))
+    }
+
+    /// Reads small messages, none of which may be lost.
+    pub fn subscription<M: Topic>(&mut self, name: &str) -> Result<Subscription<M>, Fault> {
+        let name = self.names.topic(name)?;
+        let failed = |e: ros2_client::CreateError| Fault::system(format!("subscribe to {name}"), e);
+        let topic = self.node.create_topic(&name, M::type_name(), &reliable()).map_err(failed)?;
+        self.node.create_subscription(&topic, None).map_err(failed)
+    }
+
+    /// Writes small messages. A reader that is stuck never blocks the writer.
+    pub fn publisher<M: Topic>(&mut self, name: &str) -> Result<Publisher<M>, Fault> {
+        self.writer(name, reliable())
+    }
+
+    /// Writes images, which nobody waits for.
+    pub fn image_publisher<M: Topic>(&mut self, name: &str) -> Result<Publisher<M>, Fault> {
+        self.writer(name, QosProfile::publisher_default().reliability_best_effort())
+    }
+
+    fn writer<M: Topic>(&mut self, name: &str, qos: QosProfile) -> Result<Publisher<M>, Fault> {
+        let name = self.names.topic(name)?;
+        let failed = |e: ros2_client::CreateError| Fault::system(format!("publish on {name}"), e);
+        let topic = self.node.create_topic(&name, M::type_name(), &qos).map_err(failed)?;
+        self.node.create_publisher(&topic, None).map_err(failed)
+    }
+
+    /// Offers a service.
+    pub fn server<Q, A>(&mut self, name: &str, kind: &ServiceTypeName) -> Result<Service<Q, A>, Fault>
+    where
+        Q: Message + Clone + 'static,
+        A: Message + Clone + 'static,
+    {
+        let name = self.names.service(name)?;
+        let server = self
+            .node
+            .create_server(ServiceMapping::Enhanced, &name, kind, reliable(), reliable())
+            .map_err(|e| Fault::system(format!("offer service {name}"), e))?;
+        let replies = name.to_dds_name("rr", &self.dds_name, "Reply");
+        Ok(Service { server, participant: self.context.domain_participant(), replies })
+    }
+}
+
+fn reliable() -> QosProfile {
+    QosProfile::publisher_default().reliability_reliable(WhenFull::Fail).history(History::KeepLast { depth: DEPTH })
+}

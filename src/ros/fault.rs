@@ -1,0 +1,45 @@
+//! What keeps the node from starting, or ends it.
+
+use std::process::ExitCode;
+
+use crate::error::ParamsError;
+
+/// A reason to end the process. Each message is one line that holds the value at fault.
+#[derive(Debug, thiserror::Error)]
+pub enum Fault {
+    /// A command line that cannot be understood.
+    #[error("argument '{argument}': {why}")]
+    Argument { argument: String, why: String },
+    /// A name that breaks the rules of ROS 2.
+    #[error("name '{name}': {why}")]
+    Name { name: String, why: String },
+    /// An environment variable that cannot be understood.
+    #[error("environment variable {variable}={value}: {why}")]
+    Environment { variable: &'static str, value: String, why: String },
+    /// A parameter, or a file of parameters.
+    #[error(transparent)]
+    Params(#[from] ParamsError),
+    /// DDS or the operating system refused something.
+    #[error("cannot {what}: {why}")]
+    System { what: String, why: String },
+    /// A thread of the node came to its end by itself.
+    #[error("the {0} thread ended unexpectedly")]
+    Thread(&'static str),
+}
+
+impl Fault {
+    /// A failure of DDS or the operating system at doing `what`.
+    pub fn system(what: impl Into<String>, why: impl ToString) -> Self {
+        Self::System { what: what.into(), why: why.to_string() }
+    }
+
+    /// Writes the line to standard error and gives the exit code: 1 for a failure while running, 2 for what the
+    /// caller must change.
+    pub fn report(&self) -> ExitCode {
+        eprintln!("error: {}", self.to_string().replace('\n', " "));
+        match self {
+            Self::System { .. } | Self::Thread(_) => ExitCode::from(1),
+            Self::Argument { .. } | Self::Name { .. } | Self::Environment { .. } | Self::Params(_) => ExitCode::from(2),
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! What waits for the worker: the newest image, and commands. An image that the worker has not taken yet is
+//! overwritten, and counted.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+use smol::channel::Sender;
+
+use super::convert::{Mark, Received};
+use super::messages::TriggerResponse;
+use crate::params::Params;
+
+/// What is to be done between two frames.
+#[derive(Debug)]
+pub enum Command {
+    /// A mark was given.
+    Mark(Mark),
+    /// Forget the target.
+    Stop(Sender<TriggerResponse>),
+    /// Take up the target of the last mark again.
+    Restart(Sender<TriggerResponse>),
+    /// Use these parameters.
+    Retune(Box<Params>),
+}
+
+/// What the worker takes at a time.
+#[derive(Debug, Default)]
+pub struct Work {
+    /// In the order of their arrival.
+    pub commands: VecDeque<Command>,
+    /// The newest image, where one came since the last time.
+    pub frame: Option<Arc<Received>>,
+    /// How many images were overwritten since the last time.
+    pub skipped: u32,
+}
+
+#[derive(Default)]
+struct State {
+    work: Work,
+    closed: bool,
+}
+
+/// The place where the threads meet.
+#[derive(Default)]
+pub struct Inbox {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+impl Inbox {
+    /// Puts the newest image in.
+    pub fn put(&self, frame: Received) {
+        let mut state = self.lock();
+        if state.work.frame.replace(Arc::new(frame)).is_some() {
+            state.work.skipped = state.work.skipped.saturating_add(1);
+        }
+        self.changed.notify_one();
+    }
+
+    /// Adds a command.
+    pub fn send(&self, command: Command) {
+        self.lock().work.commands.push_back(command);
+        self.changed.notify_one();
+    }
+
+    /// Ends the worker's waiting for good.
+    pub fn close(&self) {
+        self.lock().closed = true;
+        self.changed.notify_all();
+    }
+
+    /// Waits until there is something to do and takes all of it; `None` once the inbox is closed.
+    pub fn wait(&self) -> Option<Work> {
+        let idle = |s: &mut State| !s.closed && s.work.frame.is_none() && s.work.commands.is_empty();
+        let mut state = self.changed.wait_while(self.lock(), idle).unwrap_or_else(PoisonError::into_inner);
+        (!state.closed).then(|| std::mem::take(&mut state.work))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::messages::{Header, Image};
+    use super::*;
+
+    fn frame(arrival: i64) -> Received {
+        let image = Image {
+            header: Header::default(),
+            height: 1,
+            width: 1,
+            encoding: "mono8".to_owned(),
+            is_bigendian: 0,
+            step: 1,
+            data: vec![0],
+        };
+        Received::new(image, arrival).unwrap()
+    }
+
+    #[test]
+    fn the_newest_frame_stands_and_the_others_are_counted() {
+        let inbox = Inbox::default();
+        (1..=3).for_each(|n| inbox.put(frame(n)));
+        let work = inbox.wait().unwrap();
+        assert_eq!((work.frame.unwrap().arrival, work.skipped), (3, 2));
+        inbox.put(frame(4));
+        let work = inbox.wait().unwrap();
+        assert_eq!((work.frame.unwrap().arrival, work.skipped), (4, 0));
+    }
+
+    #[test]
+    fn commands_wake_the_worker_and_closing_ends_it() {
+        let inbox = Arc::new(Inbox::default());
+        let worker = std::thread::spawn({
+            let inbox = inbox.clone();
+            move || {
+                let first = inbox.wait().map(|w| w.commands.len());
+                (first, inbox.wait().is_none())
+            }
+        });
+        inbox.send(Command::Mark(Mark::Stop));
+        // The worker has taken the command once the inbox is empty again.
+        while !inbox.lock().work.commands.is_empty() {
+            std::thread::yield_now();
+        }
+        inbox.close();
+        assert_eq!(worker.join().unwrap(), (Some(1), true));
+    }
+}

@@ -1,0 +1,200 @@
+//! Log lines: to standard error as ROS nodes write them, and ours to `/rosout` as well.
+
+use std::io::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{OnceLock, RwLock};
+use std::time::{Duration, Instant, SystemTime};
+
+use log::{Level, LevelFilter, Log, Metadata, Record};
+use ros2_client::ros2::LogLevel;
+use ros2_client::{NodeLoggingHandle, RosoutRaw, builtin_interfaces};
+
+use super::args::Args;
+use crate::params::NodeName;
+
+/// The module path of our own lines.
+const OURS: &str = "long_term_tracker";
+/// What other crates may say unless `RUST_LOG` or `--log-level` ask for more: RustDDS warns of every datagram above
+/// 1500 bytes, and the node's look-up of subscribers is an error until somebody subscribes.
+const DEFAULT: &str = "error,long_term_tracker=info,rustdds=error,ros2_client=error,ros2_client::node=off";
+/// At least this long between two lines of one kind.
+const PERIOD: Duration = Duration::from_secs(1);
+
+struct Logger {
+    terminal: Option<env_logger::Logger>,
+    filter: env_logger::Logger,
+    /// The name in log lines, dots between the parts of the namespace.
+    name: String,
+    rosout: bool,
+}
+
+static LOGGER: OnceLock<Logger> = OnceLock::new();
+/// Whether the node is being taken down, when other crates complain of what is gone already.
+static ENDING: AtomicBool = AtomicBool::new(false);
+static ROSOUT: RwLock<Option<NodeLoggingHandle>> = RwLock::new(None);
+
+/// Starts logging. Only the first call in a process has an effect.
+pub fn start(args: &Args, node: &NodeName) {
+    let name = node.full().trim_start_matches('/').replace('/', ".");
+    let builder = || {
+        let mut builder = env_logger::Builder::new();
+        builder.parse_filters(DEFAULT);
+        builder.parse_default_env();
+        for (logger, level) in &args.levels {
+            match logger {
+                None => builder.filter_module(OURS, *level),
+                Some(l) if *l == name => builder.filter_module(OURS, *level),
+                Some(other) => builder.filter_module(other, *level),
+            };
+        }
+        let name = name.clone();
+        builder.format(move |out, record| {
+            let style = out.default_level_style(record.level());
+            let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+            let from = if is_ours(record.target()) { &name } else { record.target() };
+            let level = level_name(record.level());
+            writeln!(out, "{style}[{level}] [{:.9}] [{from}]: {}{style:#}", now.as_secs_f64(), record.args())
+        });
+        builder.build()
+    };
+    let terminal = (!args.no_terminal).then(builder);
+    let logger = Logger { terminal, filter: builder(), name: name.clone(), rosout: !args.no_rosout };
+    if LOGGER.set(logger).is_ok()
+        && let Some(logger) = LOGGER.get()
+        && log::set_logger(logger).is_ok()
+    {
+        log::set_max_level(logger.filter.filter().max(LevelFilter::Error));
+    }
+}
+
+/// Sends our lines to `/rosout` too.
+pub fn to_rosout(handle: NodeLoggingHandle) {
+    if let Ok(mut current) = ROSOUT.write() {
+        *current = Some(handle);
+    }
+}
+
+/// From now on there are only lines of our own, and none to `/rosout`.
+pub fn end() {
+    ENDING.store(true, Ordering::Relaxed);
+    if let Ok(mut current) = ROSOUT.write() {
+        *current = None;
+    }
+}
+
+impl Log for Logger {
+    fn enabled(&self, metadata: &Metadata) -> bool {
+        self.filter.enabled(metadata)
+    }
+
+    fn log(&self, record: &Record) {
+        let foreign = !is_ours(record.target());
+        if !self.filter.matches(record) || foreign && ENDING.load(Ordering::Relaxed) {
+            return;
+        }
+        if let Some(terminal) = &self.terminal {
+            terminal.log(record);
+        }
+        // Publishing may log in its turn; only lines of ours are published, so that this ends.
+        if self.rosout
+            && !foreign
+            && let Ok(handle) = ROSOUT.read()
+            && let Some(handle) = handle.as_ref()
+        {
+            handle.rosout_raw(
+                builtin_interfaces::Time::now(),
+                ros_level(record.level()),
+                &self.name,
+                &record.args().to_string(),
+                record.file().unwrap_or(""),
+                record.module_path().unwrap_or(""),
+                record.line().unwrap_or(0),
+            );
+        }
+    }
+
+    fn flush(&self) {}
+}
+
+fn is_ours(target: &str) -> bool {
+    target.strip_prefix(OURS).is_some_and(|rest| rest.is_empty() || rest.starts_with("::"))
+}
+
+const fn level_name(level: Level) -> &'static str {
+    match level {
+        Level::Error => "ERROR",
+        Level::Warn => "WARN",
+        Level::Info => "INFO",
+        Level::Debug | Level::Trace => "DEBUG",
+    }
+}
+
+const fn ros_level(level: Level) -> LogLevel {
+    match level {
+        Level::Error => LogLevel::Error,
+        Level::Warn => LogLevel::Warn,
+        Level::Info => LogLevel::Info,
+        Level::Debug | Level::Trace => LogLevel::Debug,
+    }
+}
+
+/// Lets a line of each kind through at most once a second, so that a stream of bad frames fills no log.
+#[derive(Debug)]
+pub struct Throttle<K> {
+    /// What came when, and how much was held back since.
+    seen: Vec<(K, Instant, u64)>,
+}
+
+impl<K> Default for Throttle<K> {
+    fn default() -> Self {
+        Self { seen: Vec::new() }
+    }
+}
+
+impl<K: PartialEq> Throttle<K> {
+    /// Whether a line of that kind may be written at `now`, and if so how many were held back before it.
+    pub fn pass(&mut self, kind: K, now: Instant) -> Option<u64> {
+        match self.seen.iter_mut().find(|(k, ..)| *k == kind) {
+            None => {
+                self.seen.push((kind, now, 0));
+                Some(0)
+            }
+            Some((_, last, held)) if now.duration_since(*last) < PERIOD => {
+                *held += 1;
+                None
+            }
+            Some((_, last, held)) => {
+                *last = now;
+                Some(std::mem::take(held))
+            }
+        }
+    }
+}
+
+/// ` (N more like it)` where lines were held back.
+pub fn held_back(n: u64) -> String {
+    if n == 0 { String::new() } else { format!(" ({n} more like it since the last such line)") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kind_of_line_passes_once_a_period_with_the_count_of_the_others() {
+        let mut throttle = Throttle::default();
+        let start = Instant::now();
+        assert_eq!(throttle.pass('a', start), Some(0));
+        assert_eq!(throttle.pass('a', start + PERIOD / 2), None);
+        assert_eq!(throttle.pass('b', start + PERIOD / 2), Some(0), "another kind");
+        assert_eq!(throttle.pass('a', start + PERIOD * 2 / 3), None);
+        assert_eq!(throttle.pass('a', start + PERIOD), Some(2));
+        assert_eq!(throttle.pass('a', start + PERIOD * 2), Some(0));
+    }
+
+    #[test]
+    fn only_our_own_modules_are_ours() {
+        assert!(is_ours("long_term_tracker::ros") && is_ours("long_term_tracker"));
+        assert!(!is_ours("long_term_tracker_x") && !is_ours("rustdds"));
+    }
+}

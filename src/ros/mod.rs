@@ -1,0 +1,58 @@
+//! The node: everything between ROS 2 and a [`Session`](crate::Session).
+//!
+//! The way in: [`args`] and [`env`](mod@env) say what is wanted, [`names`] resolves what things are called, [`parameters`]
+//! holds the values in force, [`endpoints`] makes topics and services, [`node`] starts the threads and ends them.
+//!
+//! While it runs, an image goes `receive -> inbox -> worker -> debug`:
+//!
+//! | thread | file | blocks on |
+//! |---|---|---|
+//! | receive | [`receive`] | the next image; overwrites the one slot of the inbox |
+//! | worker | [`worker`] | the inbox: the newest image and commands; steps the session, publishes tracks |
+//! | debug | [`debug`] | a frame to draw, which the worker hands over only while somebody looks |
+//! | spin | [`commands`], [`parameter_services`], [`service`] | discovery, marks and service calls |
+//!
+//! [`messages`] are the types on the wire, [`convert`] goes from them to the core's types and back, [`logging`] sends
+//! log lines to the terminal and to `/rosout`, [`stats`] counts.
+
+pub mod args;
+pub mod commands;
+pub mod convert;
+pub mod debug;
+pub mod endpoints;
+pub mod env;
+pub mod fault;
+pub mod inbox;
+pub mod logging;
+pub mod messages;
+pub mod names;
+pub mod node;
+pub mod parameter_services;
+pub mod parameters;
+pub mod receive;
+pub mod service;
+pub mod stats;
+pub mod worker;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+/// Runs the node with the arguments of a process, the first being the program's name, until a signal ends it.
+///
+/// The exit code is 0 after SIGINT or SIGTERM, 1 where it failed while running, 2 where the arguments, a parameter
+/// file or the environment cannot be used; then one line on standard error says why.
+pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let args = match args::parse(args) {
+        Ok(args) => args,
+        Err(args::Stop::Clap(error)) => {
+            // Help and version go to standard output with code 0, all else to standard error with code 2.
+            let _ = error.print();
+            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+        }
+        Err(args::Stop::Fault(fault)) => return fault.report(),
+    };
+    match node::run(args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(fault) => fault.report(),
+    }
+}

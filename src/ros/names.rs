@@ -1,0 +1,178 @@
+//! Names of the node, its topics and services: expansion, remap rules and validity, as rcl does it.
+//!
+//! The ROS 2 library gets absolute names only; it would put a relative one on the wire as it stands.
+
+use ros2_client::Name;
+
+use super::fault::Fault;
+use crate::params::NodeName;
+
+/// A remap rule, `[NODE:][rostopic://|rosservice://]FROM:=TO`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rule {
+    /// The only node meant, where one is named.
+    node: Option<String>,
+    kind: Option<Kind>,
+    from: String,
+    to: String,
+}
+
+/// What a name names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Topic,
+    Service,
+}
+
+impl Rule {
+    /// Reads a rule.
+    pub fn parse(text: &str) -> Result<Self, Fault> {
+        let wrong = |why: &str| Fault::Argument { argument: text.to_owned(), why: why.to_owned() };
+        let (left, to) = text.split_once(":=").ok_or_else(|| wrong("a remap rule must read FROM:=TO"))?;
+        let (node, rest) = match left.split_once(':') {
+            Some((node, rest)) if !rest.starts_with("//") => (Some(node.to_owned()), rest),
+            _ => (None, left),
+        };
+        let (kind, from) = match (rest.strip_prefix("rostopic://"), rest.strip_prefix("rosservice://")) {
+            (Some(topic), _) => (Some(Kind::Topic), topic),
+            (_, Some(service)) => (Some(Kind::Service), service),
+            _ => (None, rest),
+        };
+        if from.is_empty() || to.is_empty() || node.as_deref() == Some("") {
+            return Err(wrong("a name in the remap rule is empty"));
+        }
+        Ok(Self { node, kind, from: from.to_owned(), to: to.to_owned() })
+    }
+
+    fn is_for(&self, node: &str) -> bool {
+        self.node.as_deref().is_none_or(|n| n == node)
+    }
+}
+
+/// The node's name and the rules that hold for it.
+#[derive(Debug, Clone)]
+pub struct Names {
+    node: NodeName,
+    rules: Vec<Rule>,
+}
+
+impl Names {
+    /// Renames the node as `__ns`, `__node` and `__name` rules say, and keeps the rest for topics and services.
+    pub fn new(default: NodeName, rules: Vec<Rule>) -> Result<Self, Fault> {
+        let rule = |keys: &[&str]| {
+            rules.iter().find(|r| r.is_for(&default.name) && keys.contains(&r.from.as_str())).map(|r| r.to.clone())
+        };
+        let namespace = rule(&["__ns"]).unwrap_or_else(|| default.namespace.clone());
+        let name = rule(&["__node", "__name"]).unwrap_or_else(|| default.name.clone());
+        if !is_token(&name) {
+            let why = "a node's name must hold letters, digits and '_' only and must not begin with a digit";
+            return Err(Fault::Name { name, why: why.to_owned() });
+        }
+        if namespace != "/" && !namespace.strip_prefix('/').is_some_and(|ns| ns.split('/').all(is_token)) {
+            let why = "a namespace must begin with '/' and hold valid names between its slashes";
+            return Err(Fault::Name { name: namespace, why: why.to_owned() });
+        }
+        Ok(Self { node: NodeName { namespace, name }, rules })
+    }
+
+    /// The node's own name.
+    pub fn node(&self) -> &NodeName {
+        &self.node
+    }
+
+    /// The absolute name of a topic of ours.
+    pub fn topic(&self, name: &str) -> Result<Name, Fault> {
+        self.resolve(name, Kind::Topic)
+    }
+
+    /// The absolute name of a service of ours.
+    pub fn service(&self, name: &str) -> Result<Name, Fault> {
+        self.resolve(name, Kind::Service)
+    }
+
+    fn resolve(&self, name: &str, kind: Kind) -> Result<Name, Fault> {
+        let mut full = self.expand(name);
+        for rule in self.rules.iter().filter(|r| r.kind.is_none_or(|k| k == kind) && !r.from.starts_with("__")) {
+            if rule.is_for(&self.node.name) && self.expand(&rule.from) == full {
+                full = self.expand(&rule.to);
+                break;
+            }
+        }
+        Name::parse(&full).map_err(|why| Fault::Name { name: full, why: why.to_string() })
+    }
+
+    /// The absolute name: `~` stands for the node, a relative name lies in the namespace.
+    fn expand(&self, name: &str) -> String {
+        let namespace = self.node.namespace.trim_end_matches('/');
+        let name = name.replace("{node}", &self.node.name).replace("{namespace}", namespace).replace("{ns}", namespace);
+        if name.starts_with('/') {
+            name
+        } else if let Some(rest) = name.strip_prefix("~/") {
+            format!("{}/{rest}", self.node.full())
+        } else if name == "~" {
+            self.node.full()
+        } else {
+            format!("{namespace}/{name}")
+        }
+    }
+}
+
+fn is_token(text: &str) -> bool {
+    text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+        && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(rules: &[&str]) -> Result<Names, Fault> {
+        Names::new(NodeName::default(), rules.iter().map(|r| Rule::parse(r).unwrap()).collect())
+    }
+
+    fn topic(rules: &[&str], name: &str) -> String {
+        names(rules).unwrap().topic(name).unwrap().to_string()
+    }
+
+    #[test]
+    fn names_are_expanded_in_the_namespace_of_the_renamed_node() {
+        assert_eq!(topic(&[], "image"), "/image");
+        assert_eq!(topic(&[], "~/tracks"), "/tracker/tracks");
+        assert_eq!(topic(&["__ns:=/a/b", "__node:=n"], "image"), "/a/b/image");
+        assert_eq!(topic(&["__ns:=/a/b", "__name:=n"], "~/tracks"), "/a/b/n/tracks");
+        assert_eq!(topic(&["__ns:=/a"], "/image"), "/image");
+        assert_eq!(topic(&["other:__node:=n"], "~/tracks"), "/tracker/tracks");
+        assert_eq!(topic(&["tracker:__node:=n"], "~/tracks"), "/n/tracks");
+    }
+
+    #[test]
+    fn rules_match_expanded_names_and_the_first_holds() {
+        assert_eq!(topic(&["image:=/cam/image_raw"], "image"), "/cam/image_raw");
+        assert_eq!(topic(&["/image:=cam", "image:=late"], "image"), "/cam");
+        assert_eq!(topic(&["__ns:=/r", "image:=cam"], "image"), "/r/cam");
+        assert_eq!(topic(&["__ns:=/r", "/image:=cam"], "image"), "/r/image");
+        assert_eq!(topic(&["~/tracks:=~/out"], "~/tracks"), "/tracker/out");
+        assert_eq!(topic(&["/tracker/tracks:={node}_out"], "~/tracks"), "/tracker_out");
+        assert_eq!(topic(&["other:image:=cam"], "image"), "/image");
+        assert_eq!(topic(&["tracker:image:=cam"], "image"), "/cam");
+        assert_eq!(topic(&["rosservice://image:=s", "rostopic://image:=t"], "image"), "/t");
+        let n = names(&["rostopic://~/stop:=t", "~/stop:=halt"]).unwrap();
+        assert_eq!(n.service("~/stop").unwrap().to_string(), "/halt");
+    }
+
+    #[test]
+    fn names_that_break_the_rules_are_refused() {
+        for rules in [["__node:=a/b"], ["__node:=1a"], ["__ns:=relative"], ["__ns:=/a//b"], ["__ns:=/a/"], ["__ns:=/1"]]
+        {
+            assert!(names(&rules).is_err(), "{rules:?}");
+        }
+        for to in ["a//b", "a/", "/1", "a b"] {
+            let n = names(&[&format!("image:={to}")]).unwrap();
+            let message = n.topic("image").unwrap_err().to_string();
+            assert!(message.starts_with("name '/"), "{message}");
+        }
+        for rule in ["a", ":=b", "a:=", ":a:=b"] {
+            assert!(Rule::parse(rule).is_err(), "{rule}");
+        }
+    }
+}

@@ -1,0 +1,276 @@
+//! The six parameter services and `/parameter_events`, from the one table of parameters.
+//!
+//! The library's own would describe nothing, know no ranges and check one value at a time.
+
+use std::sync::Arc;
+
+use futures::join;
+use log::{info, warn};
+use ros2_client::parameters::raw;
+use ros2_client::rcl_interfaces::{
+    DescribeParametersRequest, DescribeParametersResponse, GetParameterTypesRequest, GetParameterTypesResponse,
+    GetParametersRequest, GetParametersResponse, ListParametersRequest, ListParametersResponse, ListParametersResult,
+    SetParametersAtomicallyResponse, SetParametersRequest, SetParametersResponse,
+};
+use ros2_client::{Publisher, ServiceTypeName, builtin_interfaces};
+
+use super::endpoints::Endpoints;
+use super::fault::Fault;
+use super::inbox::{Command, Inbox};
+use super::parameters::{Settings, Store};
+use super::service::Service;
+use crate::error::ParamsError;
+use crate::params::{Assignment, Range, Value};
+
+/// The services, and where what they set goes.
+pub struct ParameterServices {
+    get: Service<GetParametersRequest, GetParametersResponse>,
+    get_types: Service<GetParameterTypesRequest, GetParameterTypesResponse>,
+    list: Service<ListParametersRequest, ListParametersResponse>,
+    describe: Service<DescribeParametersRequest, DescribeParametersResponse>,
+    set: Service<SetParametersRequest, SetParametersResponse>,
+    set_atomically: Service<SetParametersRequest, SetParametersAtomicallyResponse>,
+    events: Publisher<raw::ParameterEvent>,
+    node: String,
+    store: Arc<Store>,
+    inbox: Arc<Inbox>,
+}
+
+impl ParameterServices {
+    /// Offers the services.
+    pub fn new(endpoints: &mut Endpoints, store: Arc<Store>, inbox: Arc<Inbox>) -> Result<Self, Fault> {
+        let kind = |name| ServiceTypeName::new("rcl_interfaces", name);
+        let topic = endpoints.context.get_parameter_events_topic();
+        let events = endpoints.node.create_publisher(&topic, None);
+        Ok(Self {
+            get: endpoints.server("~/get_parameters", &kind("GetParameters"))?,
+            get_types: endpoints.server("~/get_parameter_types", &kind("GetParameterTypes"))?,
+            list: endpoints.server("~/list_parameters", &kind("ListParameters"))?,
+            describe: endpoints.server("~/describe_parameters", &kind("DescribeParameters"))?,
+            set: endpoints.server("~/set_parameters", &kind("SetParameters"))?,
+            set_atomically: endpoints.server("~/set_parameters_atomically", &kind("SetParametersAtomically"))?,
+            events: events.map_err(|e| Fault::system("publish on /parameter_events", e))?,
+            node: endpoints.names.node().full(),
+            store,
+            inbox,
+        })
+    }
+
+    /// Answers requests for ever.
+    pub async fn serve(&self) {
+        let current = || self.store.current();
+        join!(
+            self.get.serve(async |q| GetParametersResponse { values: values(&current(), &q.names) }),
+            self.get_types.serve(async |q| GetParameterTypesResponse { values: types(&current(), &q.names) }),
+            self.list.serve(async |q| ListParametersResponse { result: list(&current(), &q.prefixes, q.depth) }),
+            self.describe.serve(async |q| DescribeParametersResponse { values: descriptions(&current(), &q.names) }),
+            self.set.serve(async |q| SetParametersResponse {
+                results: q.parameter.into_iter().map(|p| self.change(vec![p])).collect(),
+            }),
+            self.set_atomically.serve(async |q| SetParametersAtomicallyResponse { result: self.change(q.parameter) }),
+        );
+    }
+
+    fn change(&self, changes: Vec<raw::Parameter>) -> raw::SetParametersResult {
+        let taken = changes
+            .into_iter()
+            .map(|p| self.assignment(p))
+            .collect::<Result<Vec<Assignment>, ParamsError>>()
+            .and_then(|changes| self.store.change(&changes));
+        match taken {
+            Ok((settings, different)) => {
+                if !different.is_empty() {
+                    self.inbox.send(Command::Retune(Box::new(settings.params.clone())));
+                    self.publish(different);
+                }
+                raw::SetParametersResult { successful: true, reason: String::new() }
+            }
+            Err(why) => {
+                warn!("parameters refused: {why}");
+                raw::SetParametersResult { successful: false, reason: why.to_string() }
+            }
+        }
+    }
+
+    fn assignment(&self, parameter: raw::Parameter) -> Result<Assignment, ParamsError> {
+        let raw::Parameter { name, value } = parameter;
+        match from_raw(value) {
+            Ok(value) => Ok((name, value)),
+            Err(got) => match self.store.current().describe(&name) {
+                Some(d) => Err(ParamsError::Type { name, expected: d.kind.name(), got: got.to_owned() }),
+                None => Err(ParamsError::Unknown { name, hint: String::new() }),
+            },
+        }
+    }
+
+    fn publish(&self, changes: Vec<Assignment>) {
+        for (name, value) in &changes {
+            info!("parameter {name} is now {value}");
+        }
+        let changed = changes.into_iter().map(|(name, value)| raw::Parameter { name, value: to_raw(Some(&value)) });
+        let event = raw::ParameterEvent {
+            stamp: builtin_interfaces::Time::now(),
+            node: self.node.clone(),
+            new_parameters: Vec::new(),
+            changed_parameters: changed.collect(),
+            deleted_parameters: Vec::new(),
+        };
+        if let Err(why) = self.events.publish(event) {
+            warn!("the change of parameters could not be published: {why}");
+        }
+    }
+}
+
+fn values(settings: &Settings, names: &[String]) -> Vec<raw::ParameterValue> {
+    names.iter().map(|name| to_raw(settings.get(name).as_ref())).collect()
+}
+
+fn types(settings: &Settings, names: &[String]) -> Vec<u8> {
+    names.iter().map(|name| settings.get(name).map_or(raw::ParameterType::NOT_SET, |v| v.kind() as u8)).collect()
+}
+
+fn descriptions(settings: &Settings, names: &[String]) -> Vec<raw::ParameterDescriptor> {
+    names.iter().map(|name| description(settings, name)).collect()
+}
+
+fn description(settings: &Settings, name: &str) -> raw::ParameterDescriptor {
+    let mut raw = raw::ParameterDescriptor {
+        name: name.to_owned(),
+        r#type: raw::ParameterType::NOT_SET,
+        description: String::new(),
+        additional_constraints: String::new(),
+        read_only: false,
+        dynamic_typing: false,
+        floating_point_range: Vec::new(),
+        integer_range: Vec::new(),
+    };
+    if let Some(d) = settings.describe(name) {
+        raw.r#type = d.kind as u8;
+        raw.description = d.description;
+        raw.additional_constraints = d.constraints;
+        raw.read_only = d.read_only;
+        // A step of 0 allows every value between; with any other, tools refuse most.
+        match d.range {
+            Some(Range::Integer(from_value, to_value)) => {
+                raw.integer_range.push(raw::IntegerRange { from_value, to_value, step: 0 });
+            }
+            Some(Range::Double(from_value, to_value)) => {
+                raw.floating_point_range.push(raw::FloatingPointRange { from_value, to_value, step: 0.0 });
+            }
+            None => {}
+        }
+    }
+    raw
+}
+
+/// The names that equal a prefix or lie below one, no more than `depth` levels deep (0: any), as rclcpp lists them.
+fn list(settings: &Settings, prefixes: &[String], depth: u64) -> ListParametersResult {
+    let levels = |name: &str| name.matches('.').count() as u64;
+    let wanted = |name: &str| {
+        if prefixes.is_empty() {
+            return depth == 0 || levels(name) < depth;
+        }
+        prefixes.iter().any(|prefix| {
+            let below = name.strip_prefix(prefix.as_str()).filter(|rest| rest.is_empty() || rest.starts_with('.'));
+            below.is_some_and(|rest| rest.is_empty() || depth == 0 || levels(rest) < depth)
+        })
+    };
+    let names: Vec<String> = settings.names().into_iter().filter(|n| wanted(n)).map(str::to_owned).collect();
+    let mut groups: Vec<String> = names.iter().filter_map(|n| n.rsplit_once('.')).map(|(g, _)| g.to_owned()).collect();
+    groups.sort_unstable();
+    groups.dedup();
+    ListParametersResult { names, prefixes: groups }
+}
+
+fn to_raw(value: Option<&Value>) -> raw::ParameterValue {
+    let mut raw = raw::ParameterValue {
+        ptype: value.map_or(raw::ParameterType::NOT_SET, |v| v.kind() as u8),
+        boolean_value: false,
+        int_value: 0,
+        double_value: 0.0,
+        string_value: String::new(),
+        byte_array: Vec::new(),
+        bool_array: Vec::new(),
+        int_array: Vec::new(),
+        double_array: Vec::new(),
+        string_array: Vec::new(),
+    };
+    match value {
+        None => {}
+        Some(Value::Bool(v)) => raw.boolean_value = *v,
+        Some(Value::Integer(v)) => raw.int_value = *v,
+        Some(Value::Double(v)) => raw.double_value = *v,
+        Some(Value::String(v)) => raw.string_value.clone_from(v),
+        Some(Value::BoolArray(v)) => raw.bool_array.clone_from(v),
+        Some(Value::IntegerArray(v)) => raw.int_array.clone_from(v),
+        Some(Value::DoubleArray(v)) => raw.double_array.clone_from(v),
+        Some(Value::StringArray(v)) => raw.string_array.clone_from(v),
+    }
+    raw
+}
+
+/// The value, or what it is instead of one.
+fn from_raw(raw: raw::ParameterValue) -> Result<Value, &'static str> {
+    match raw.ptype {
+        raw::ParameterType::BOOL => Ok(Value::Bool(raw.boolean_value)),
+        raw::ParameterType::INTEGER => Ok(Value::Integer(raw.int_value)),
+        raw::ParameterType::DOUBLE => Ok(Value::Double(raw.double_value)),
+        raw::ParameterType::STRING => Ok(Value::String(raw.string_value)),
+        raw::ParameterType::BOOL_ARRAY => Ok(Value::BoolArray(raw.bool_array)),
+        raw::ParameterType::INTEGER_ARRAY => Ok(Value::IntegerArray(raw.int_array)),
+        raw::ParameterType::DOUBLE_ARRAY => Ok(Value::DoubleArray(raw.double_array)),
+        raw::ParameterType::STRING_ARRAY => Ok(Value::StringArray(raw.string_array)),
+        raw::ParameterType::BYTE_ARRAY => Err("byte array"),
+        _ => Err("no value"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_survive_the_way_to_the_wire_and_back() {
+        for value in [
+            Value::Bool(true),
+            Value::Integer(-3),
+            Value::Double(0.5),
+            Value::String("x".into()),
+            Value::BoolArray(vec![true]),
+            Value::IntegerArray(vec![1, 2]),
+            Value::DoubleArray(vec![0.5]),
+            Value::StringArray(vec!["a".into()]),
+        ] {
+            assert_eq!(from_raw(to_raw(Some(&value))), Ok(value));
+        }
+        assert_eq!(from_raw(to_raw(None)), Err("no value"));
+    }
+
+    #[test]
+    fn listing_follows_prefixes_and_depth() {
+        let settings = Settings::new("/image");
+        let names = |prefixes: &[&str], depth| {
+            let prefixes: Vec<String> = prefixes.iter().map(|p| (*p).to_owned()).collect();
+            list(&settings, &prefixes, depth).names
+        };
+        assert_eq!(names(&[], 0).len(), settings.names().len());
+        assert!(names(&[], 1).iter().all(|n| !n.contains('.')));
+        assert_eq!(names(&["debug"], 0), ["debug.jpeg_quality", "debug.max_side"]);
+        assert!(names(&["debug"], 1).is_empty());
+        assert_eq!(names(&["seed"], 1), ["seed"]);
+        assert!(names(&["deb"], 0).is_empty());
+        let all = list(&settings, &[], 0);
+        assert!(all.prefixes.contains(&"debug".to_owned()));
+    }
+
+    #[test]
+    fn descriptors_hold_ranges_with_step_zero() {
+        let settings = Settings::new("/image");
+        let d = description(&settings, "debug.jpeg_quality");
+        assert_eq!((d.r#type, d.read_only), (raw::ParameterType::INTEGER, false));
+        let range = &d.integer_range[0];
+        assert_eq!((range.from_value, range.to_value, range.step), (1, 100, 0));
+        assert!(description(&settings, "seed").read_only);
+        assert_eq!(description(&settings, "nonsense").r#type, raw::ParameterType::NOT_SET);
+    }
+}

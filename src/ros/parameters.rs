@@ -1,0 +1,301 @@
+//! The parameters in force: the package's one table and the few that every ROS node has.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use log::warn;
+
+use super::args::Source;
+use super::endpoints::ImageReliability;
+use super::fault::Fault;
+use crate::error::ParamsError;
+use crate::params::{self, Assignment, Kind, NodeName, Params, Phase, Range, Value};
+
+/// Names below which every node accepts parameters that concern only some of its topics.
+const QOS_OVERRIDES: &str = "qos_overrides.";
+const USE_SIM_TIME: &str = "use_sim_time";
+const BEST_EFFORT: &str = "best_effort";
+const RELIABLE: &str = "reliable";
+
+/// A parameter that is no part of the package's table.
+#[derive(Debug, Clone)]
+struct NodeParameter {
+    name: String,
+    description: &'static str,
+    choices: &'static [&'static str],
+    live: bool,
+    value: Value,
+}
+
+/// What a tool is told of a parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Description {
+    /// Full name.
+    pub name: String,
+    /// Type of the value.
+    pub kind: Kind,
+    /// What it does.
+    pub description: String,
+    /// What a range cannot say.
+    pub constraints: String,
+    /// Whether it is fixed.
+    pub read_only: bool,
+    /// Interval of a number.
+    pub range: Option<Range>,
+}
+
+/// A checked set of values.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// The package's own.
+    pub params: Params,
+    /// Every node's.
+    own: Vec<NodeParameter>,
+}
+
+impl Settings {
+    /// The defaults of a node that reads images from `image_topic`.
+    pub fn new(image_topic: &str) -> Self {
+        let own = vec![
+            NodeParameter {
+                name: USE_SIM_TIME.to_owned(),
+                description: "Accepted as every node does; this node takes its time from the stamps of images.",
+                choices: &[],
+                live: true,
+                value: Value::Bool(false),
+            },
+            NodeParameter {
+                name: format!("{QOS_OVERRIDES}{image_topic}.subscription.reliability"),
+                description: "Whether lost parts of images are asked for again.",
+                choices: &[BEST_EFFORT, RELIABLE],
+                live: false,
+                value: Value::String(BEST_EFFORT.to_owned()),
+            },
+        ];
+        Self { params: Params::default(), own }
+    }
+
+    /// How images are to be read.
+    pub fn image_reliability(&self) -> ImageReliability {
+        let reliable = self.own.iter().any(|p| p.value == Value::String(RELIABLE.to_owned()));
+        if reliable { ImageReliability::Reliable } else { ImageReliability::BestEffort }
+    }
+
+    /// All names, sorted.
+    pub fn names(&self) -> Vec<&str> {
+        let table = params::descriptors().iter().map(|d| d.name);
+        let mut names: Vec<&str> = table.chain(self.own.iter().map(|p| p.name.as_str())).collect();
+        names.sort_unstable();
+        names
+    }
+
+    /// The value of a parameter.
+    pub fn get(&self, name: &str) -> Option<Value> {
+        self.params.get(name).or_else(|| self.own(name).map(|p| p.value.clone()))
+    }
+
+    /// What is known of a parameter besides its value.
+    pub fn describe(&self, name: &str) -> Option<Description> {
+        let (kind, description, choices, live, range, unit) = match (params::descriptor(name), self.own(name)) {
+            (Some(d), _) => (d.default.kind(), d.description, d.choices, d.live, d.range, d.unit),
+            (None, Some(p)) => (p.value.kind(), p.description, p.choices, p.live, None, ""),
+            (None, None) => return None,
+        };
+        let unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
+        let constraints = if choices.is_empty() { String::new() } else { format!("one of {}", choices.join(", ")) };
+        let description = format!("{description}{unit}");
+        Some(Description { name: name.to_owned(), kind, description, constraints, read_only: !live, range })
+    }
+
+    /// This set with the changes made, or the first reason why not.
+    pub fn with(&self, changes: &[Assignment], phase: Phase) -> Result<Self, ParamsError> {
+        let mut changed = self.clone();
+        let mut table = Vec::new();
+        for (name, value) in changes {
+            match changed.own.iter_mut().find(|p| p.name == *name) {
+                Some(own) => own.set(value, phase)?,
+                None => table.push((name.as_str(), value)),
+            }
+        }
+        changed.params = self.params.with(table, phase)?;
+        Ok(changed)
+    }
+
+    /// The values that `sources` give this node. Names that no parameter bears are told and passed over, for a file
+    /// may be shared with other nodes; a value that cannot be used is a fault.
+    pub fn load(&self, sources: &[Source], node: &NodeName) -> Result<Self, Fault> {
+        let mut all = Vec::new();
+        for source in sources {
+            let (rows, from) = match source {
+                Source::File(path) => (params::file(path, node)?, format!(" in {}", path.display())),
+                Source::Assignment { node: Some(other), .. } if *other != node.name => continue,
+                Source::Assignment { assignment, .. } => (vec![assignment.clone()], String::new()),
+            };
+            for row in rows {
+                // Each row is tried by itself, so that the message can name its file.
+                match self.with(std::slice::from_ref(&row), Phase::StartUp) {
+                    Err(why @ ParamsError::Unknown { .. }) => {
+                        if !row.0.starts_with(QOS_OVERRIDES) {
+                            warn!("{why}{from}; it is ignored");
+                        }
+                    }
+                    // Values that do not fit each other may do so once all are there.
+                    Ok(_) | Err(ParamsError::Conflict(_)) => all.push(row),
+                    Err(why) => return Err(in_source(source, why).into()),
+                }
+            }
+        }
+        Ok(self.with(&all, Phase::StartUp)?)
+    }
+
+    fn own(&self, name: &str) -> Option<&NodeParameter> {
+        self.own.iter().find(|p| p.name == name)
+    }
+}
+
+fn in_source(source: &Source, why: ParamsError) -> ParamsError {
+    match source {
+        Source::File(path) => ParamsError::File { path: path.clone(), why: why.to_string() },
+        Source::Assignment { .. } => why,
+    }
+}
+
+impl NodeParameter {
+    fn set(&mut self, value: &Value, phase: Phase) -> Result<(), ParamsError> {
+        let name = self.name.clone();
+        if value.kind() != self.value.kind() {
+            let got = format!("{} {value}", value.kind().name());
+            return Err(ParamsError::Type { name, expected: self.value.kind().name(), got });
+        }
+        if let Value::String(got) = value
+            && !self.choices.contains(&got.as_str())
+        {
+            return Err(ParamsError::Choice { name, choices: self.choices.join(", "), got: got.clone() });
+        }
+        if phase == Phase::Running && !self.live && *value != self.value {
+            return Err(ParamsError::ReadOnly { name });
+        }
+        self.value = value.clone();
+        Ok(())
+    }
+}
+
+/// The set in force, shared by the threads: whoever reads it gets one whole set.
+#[derive(Debug)]
+pub struct Store(Mutex<Arc<Settings>>);
+
+impl Store {
+    /// Puts a set in force.
+    pub fn new(settings: Settings) -> Self {
+        Self(Mutex::new(Arc::new(settings)))
+    }
+
+    /// The set in force.
+    pub fn current(&self) -> Arc<Settings> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Makes the changes as a whole, or none of them. Gives the new set and the changes that made a difference.
+    pub fn change(&self, changes: &[Assignment]) -> Result<(Arc<Settings>, Vec<Assignment>), ParamsError> {
+        let mut current = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let changed = Arc::new(current.with(changes, Phase::Running)?);
+        let mut different: Vec<Assignment> = Vec::new();
+        for (name, _) in changes {
+            if let Some(value) = changed.get(name).filter(|v| current.get(name).as_ref() != Some(v))
+                && !different.iter().any(|(n, _)| n == name)
+            {
+                different.push((name.clone(), value));
+            }
+        }
+        *current = changed.clone();
+        Ok((changed, different))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    fn settings() -> Settings {
+        Settings::new("/cam")
+    }
+
+    fn row(name: &str, value: Value) -> Assignment {
+        (name.to_owned(), value)
+    }
+
+    fn assigned(name: &str, value: Value) -> Source {
+        Source::Assignment { node: None, assignment: row(name, value) }
+    }
+
+    #[test]
+    fn every_name_has_a_value_and_a_description() {
+        let s = settings();
+        assert!(s.names().contains(&"qos_overrides./cam.subscription.reliability"));
+        for name in s.names() {
+            let d = s.describe(name).unwrap();
+            assert_eq!(d.kind, s.get(name).unwrap().kind());
+            assert!(!d.description.is_empty());
+        }
+        assert_eq!(s.describe("algorithm").unwrap().constraints, "one of lcmht");
+        assert!(s.describe("nonsense").is_none() && s.get("nonsense").is_none());
+    }
+
+    #[test]
+    fn the_nodes_own_parameters_are_checked_like_the_others() {
+        let s = settings();
+        let with = |name: &str, value, phase| s.with(&[row(name, value)], phase);
+        let qos = "qos_overrides./cam.subscription.reliability";
+        let reliable = || Value::String("reliable".into());
+        assert!(matches!(with(USE_SIM_TIME, Value::Integer(1), Phase::Running), Err(ParamsError::Type { .. })));
+        assert_eq!(
+            with(USE_SIM_TIME, Value::Bool(true), Phase::Running).unwrap().get(USE_SIM_TIME),
+            Some(Value::Bool(true))
+        );
+        assert!(matches!(with(qos, Value::String("x".into()), Phase::StartUp), Err(ParamsError::Choice { .. })));
+        assert!(matches!(with(qos, reliable(), Phase::Running), Err(ParamsError::ReadOnly { .. })));
+        let set = with(qos, reliable(), Phase::StartUp).unwrap();
+        assert_eq!(set.image_reliability(), ImageReliability::Reliable);
+        assert_eq!(s.image_reliability(), ImageReliability::BestEffort);
+    }
+
+    #[test]
+    fn later_sources_win_and_foreign_names_are_passed_over() {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        writeln!(file, "/**: {{ros__parameters: {{seed: 4, other_nodes_parameter: 1, debug: {{max_side: 99}}}}}}")
+            .unwrap();
+        let sources = [
+            assigned("seed", Value::Integer(1)),
+            Source::File(file.path().to_owned()),
+            Source::Assignment { node: Some("other".into()), assignment: row("seed", Value::Integer(7)) },
+            assigned("debug.max_side", Value::Integer(100)),
+        ];
+        let got = settings().load(&sources, &NodeName::default()).unwrap();
+        assert_eq!(got.params.general.seed, 4);
+        assert_eq!(got.params.debug.max_side, 100);
+    }
+
+    #[test]
+    fn a_value_in_a_file_that_cannot_be_used_is_told_with_the_file() {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        writeln!(file, "/**: {{ros__parameters: {{debug: {{max_side: 1}}}}}}").unwrap();
+        let sources = [Source::File(file.path().to_owned())];
+        let message = settings().load(&sources, &NodeName::default()).unwrap_err().to_string();
+        assert!(message.contains(file.path().to_str().unwrap()), "{message}");
+        assert!(message.contains("'debug.max_side' must lie in 16 to 4096, got 1"), "{message}");
+    }
+
+    #[test]
+    fn a_change_is_made_as_a_whole_and_told_once() {
+        let store = Store::new(settings());
+        let good = row("debug.max_side", Value::Integer(100));
+        let bad = row("debug.jpeg_quality", Value::Integer(0));
+        assert!(store.change(&[good.clone(), bad]).is_err());
+        assert_ne!(store.current().params.debug.max_side, 100);
+        let (_, told) = store.change(&[good.clone(), good.clone()]).unwrap();
+        assert_eq!(told, std::slice::from_ref(&good));
+        let (_, told) = store.change(&[good]).unwrap();
+        assert!(told.is_empty(), "nothing changed");
+    }
+}
