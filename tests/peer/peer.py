@@ -1,0 +1,202 @@
+"""The other side of the node in the tests: an rclpy process with a camera, a user and a listener.
+
+Everything is awaited with a deadline; nothing sleeps for a fixed time.
+"""
+
+import time
+
+import numpy as np
+import rclpy
+from long_term_tracker.msg import TrackArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import CompressedImage, Image, RegionOfInterest
+from std_srvs.srv import Trigger
+from vision_msgs.msg import Detection2DArray
+
+# Seconds until something that must happen has to have happened.
+DEADLINE = 20.0
+WIDTH, HEIGHT = 320, 240
+TARGET = (40, 48)
+CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}
+
+
+class Scene:
+    """A textured target that moves over a textured background; every frame is the same in every run."""
+
+    def __init__(self, width=WIDTH, height=HEIGHT, target=TARGET):
+        rng = np.random.default_rng(7)
+        self.width, self.height, self.target = width, height, target
+        self.background = self._texture(rng, height, width, 8, 60, 120)
+        self.patch = self._texture(rng, target[1], target[0], 6, 90, 255)
+
+    @staticmethod
+    def _texture(rng, height, width, cell, low, high):
+        coarse = rng.integers(low, high, (height // cell + 1, width // cell + 1, 3), dtype=np.uint8)
+        return np.kron(coarse, np.ones((cell, cell, 1), dtype=np.uint8))[:height, :width]
+
+    def box(self, index):
+        """x, y, width, height of the target."""
+        phase = index / 20.0
+        x = round((self.width - self.target[0]) * (0.5 + 0.3 * np.sin(phase)))
+        y = round((self.height - self.target[1]) * (0.5 + 0.2 * np.sin(0.7 * phase)))
+        return x, y, *self.target
+
+    def rgb(self, index):
+        x, y, w, h = self.box(index)
+        frame = self.background.copy()
+        frame[y : y + h, x : x + w] = self.patch
+        return frame
+
+
+def encode(rgb, encoding):
+    """The bytes of a picture, rows x columns x channels."""
+    if encoding == "mono8":
+        return (rgb.astype(np.uint16).sum(axis=2) // 3).astype(np.uint8)[:, :, None]
+    order = rgb if encoding.startswith("rgb") else rgb[:, :, ::-1]
+    if CHANNELS[encoding] == 4:
+        alpha = np.full((*order.shape[:2], 1), 255, dtype=np.uint8)
+        order = np.concatenate([order, alpha], axis=2)
+    return order
+
+
+def image_message(picture, encoding, index, padding=0):
+    """A message with a stamp that tells frames apart: 30 a second from second 1000 on."""
+    height, width, channels = picture.shape
+    step = width * channels + padding
+    rows = np.zeros((height, step), dtype=np.uint8)
+    rows[:, : width * channels] = picture.reshape(height, -1)
+    message = Image(height=height, width=width, encoding=encoding, step=step)
+    message.header.frame_id = "camera_optical"
+    nanos = 1_000_000_000_000 + index * 33_333_333
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(nanos, 1_000_000_000)
+    message.data.frombytes(rows.tobytes())
+    return message
+
+
+def stamp_of(message):
+    return message.header.stamp.sec, message.header.stamp.nanosec
+
+
+def iou(a, b):
+    """Intersection over union of two boxes x, y, width, height."""
+    w = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
+    h = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
+    shared = max(w, 0) * max(h, 0)
+    return shared / (a[2] * a[3] + b[2] * b[3] - shared)
+
+
+def box_of(track):
+    return (
+        track.center_x - track.size_x / 2,
+        track.center_y - track.size_y / 2,
+        track.size_x,
+        track.size_y,
+    )
+
+
+class Peer:
+    """A node with all that talks to the tracker."""
+
+    def __init__(self, tracker="/tracker", image="/image", name="peer", image_qos=qos_profile_sensor_data):
+        rclpy.init(args=[])
+        self.node = rclpy.create_node(name)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.tracker = tracker
+        self.tracks, self.detections = [], []
+        self.images = self.node.create_publisher(Image, image, image_qos)
+        self.marks = self.node.create_publisher(RegionOfInterest, f"{tracker}/init_roi", 10)
+        depth = QoSProfile(depth=1000)
+        self.node.create_subscription(TrackArray, f"{tracker}/tracks", self.tracks.append, depth)
+        self.node.create_subscription(Detection2DArray, f"{tracker}/detections", self.detections.append, depth)
+        self.scene = Scene()
+        self.index = 0
+
+    def close(self):
+        self.node.destroy_node()
+        rclpy.shutdown()
+
+    def spin_until(self, condition, what, deadline=DEADLINE):
+        """Spins until the condition gives something, and gives that."""
+        end = time.monotonic() + deadline
+        while True:
+            result = condition()
+            if result:
+                return result
+            left = end - time.monotonic()
+            assert left > 0, f"{what}: not within {deadline} s"
+            self.executor.spin_once(timeout_sec=min(left, 0.1))
+
+    def listed(self):
+        """Full names of all nodes that are seen."""
+        return [f"{ns.rstrip('/')}/{name}" for name, ns in self.node.get_node_names_and_namespaces()]
+
+    def message(self, index, encoding="rgb8"):
+        return image_message(encode(self.scene.rgb(index), encoding), encoding, index)
+
+    def connect(self):
+        """Sends the first frame until it is answered, for what is sent before all is matched may be lost."""
+        self.spin_until(
+            lambda: self.images.get_subscription_count() and self.marks.get_subscription_count(), "subscriptions"
+        )
+        message = self.message(self.index)
+        for _ in range(100):
+            self.images.publish(message)
+            self.executor.spin_once(timeout_sec=0.1)
+            if self.tracks:
+                break
+        assert self.tracks, "no track message for the first images"
+        self.tracks.clear()
+
+    def send(self, message):
+        """Publishes an image and waits for its track message."""
+        self.tracks.clear()
+        self.images.publish(message)
+        stamp = stamp_of(message)
+        return self.spin_until(
+            lambda: next((t for t in self.tracks if stamp_of(t) == stamp), None), f"tracks of image {stamp}"
+        )
+
+    def step(self, encoding="rgb8"):
+        """Sends the next frame of the scene; gives its tracks."""
+        self.index += 1
+        return self.send(self.message(self.index, encoding))
+
+    def mark(self, x, y, width, height):
+        self.marks.publish(RegionOfInterest(x_offset=x, y_offset=y, width=width, height=height))
+
+    def start(self):
+        """Marks the target of the newest frame and waits until it is followed."""
+        self.tracks.clear()
+        self.mark(*self.scene.box(self.index))
+        return self.spin_until(lambda: next((t for t in self.tracks if t.tracks), None), "the start")
+
+    def follow(self, frames, encoding="rgb8", least=0.5):
+        """Sends frames and checks that the target is where it is said to be."""
+        for _ in range(frames):
+            said = self.step(encoding)
+            assert len(said.tracks) == 1, said
+            overlap = iou(box_of(said.tracks[0]), self.scene.box(self.index))
+            assert overlap >= least, f"frame {self.index}: overlap {overlap:.2f}, {said.tracks[0]}"
+        return said
+
+    def call(self, kind, name, request=None):
+        client = self.node.create_client(kind, name)
+        self.spin_until(client.service_is_ready, f"service {name}")
+        future = client.call_async(request or kind.Request())
+        self.spin_until(future.done, f"answer of {name}")
+        self.node.destroy_client(client)
+        return future.result()
+
+    def trigger(self, name):
+        return self.call(Trigger, f"{self.tracker}/{name}")
+
+    def listen(self, kind, topic, qos=qos_profile_sensor_data):
+        """A list that fills with what comes on the topic."""
+        got = []
+        self.node.create_subscription(kind, topic, got.append, qos)
+        return got
+
+
+__all__ = [name for name in dir() if not name.startswith("_")]

@@ -1,0 +1,281 @@
+"""One function a test; see `tests/ros_node.rs`, which runs `scenarios.py NAME [ARGUMENT]...`."""
+
+import io
+import os
+import signal
+import sys
+import traceback
+
+from peer import *  # noqa: F403
+from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue, Log
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    GetParameterTypes,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
+
+
+def integer(name, value):
+    return Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=value))
+
+
+def text(name, value):
+    return Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value))
+
+
+def whole_life(node_pid):
+    """Marks, follows, looks at the debug images, sets a parameter, stops, restarts, and sees the node go."""
+    peer = Peer()
+    peer.spin_until(lambda: "/tracker" in peer.listed(), "the node is listed")
+    peer.connect()
+    assert peer.step().tracks == [], "nothing is followed before the mark"
+    marked = peer.start()
+    assert iou(box_of(marked.tracks[0]), peer.scene.box(peer.index)) > 0.99
+    assert stamp_of(marked) == stamp_of(peer.message(peer.index)), "the start bears the newest frame's stamp"
+    said = peer.follow(20)
+    assert (said.algorithm, said.header.frame_id) == ("lcmht", "camera_optical")
+    assert said.tracks[0].id == "0" and said.tracks[0].age == 20 and said.skipped == 0, said
+    assert 0 < said.processing_time.nanosec < 500_000_000
+
+    stamp = stamp_of(said)
+    seen = peer.spin_until(lambda: next((d for d in peer.detections if stamp_of(d) == stamp), None), "detections")
+    assert stamp_of(seen.detections[0]) == stamp and seen.detections[0].id == "0"
+    assert seen.detections[0].bbox.center.position.x == said.tracks[0].center_x
+    assert seen.detections[0].results[0].hypothesis.score == said.tracks[0].confidence
+
+    debug_images(peer)
+    parameter_takes_effect(peer)
+
+    answer = peer.trigger("stop")
+    assert answer.success and answer.message == "stopped", answer
+    assert peer.step().tracks == []
+    first = peer.scene.box(1)
+    peer.index = 0
+    peer.send(peer.message(1))
+    answer = peer.trigger("restart")
+    assert answer.success, answer
+    restarted = peer.spin_until(lambda: next((t for t in peer.tracks[::-1] if t.tracks), None), "the restart")
+    assert iou(box_of(restarted.tracks[0]), first) > 0.99 and restarted.tracks[0].id == "1"
+    peer.index = 1
+    peer.follow(5)
+
+    peer.mark(0, 0, 0, 0)
+    peer.spin_until(lambda: not peer.step().tracks, "a mark of 0 x 0 stops")
+
+    os.kill(int(node_pid), signal.SIGINT)
+    peer.spin_until(lambda: "/tracker" not in peer.listed(), "the node is gone", 2.0)
+    peer.close()
+
+
+def debug_images(peer):
+    """Raw ones scaled down, compressed ones at full size, for both pictures; with the image's header."""
+    topics = ["debug/image", "debug/response"]
+    raw = {t: peer.listen(Image, f"/tracker/{t}") for t in topics}
+    jpeg = {t: peer.listen(CompressedImage, f"/tracker/{t}/compressed") for t in topics}
+
+    def complete():
+        peer.follow(1)
+        return all(raw.values()) and all(jpeg.values())
+
+    peer.spin_until(complete, "debug images")
+    for topic in topics:
+        image = raw[topic][-1]
+        assert image.encoding == "bgr8" and image.header.frame_id == "camera_optical"
+        assert (image.width, image.height, image.step) == (208, 156, 624), (image.width, image.height)
+        assert len(image.data) == image.step * image.height
+        assert np.asarray(image.data).std() > 5, "a picture, not one colour"
+        packed = jpeg[topic][-1]
+        assert packed.format == "jpeg" and bytes(packed.data[:2]) == b"\xff\xd8"
+        assert jpeg_size(bytes(packed.data)) == (WIDTH, HEIGHT)
+        assert stamp_of(packed)[0] >= 1000
+
+
+def jpeg_size(data):
+    """Width and height from the frame header of a JPEG."""
+    stream = io.BytesIO(data[2:])
+    while True:
+        marker, length = stream.read(2), int.from_bytes(stream.read(2), "big")
+        if 0xC0 <= marker[1] <= 0xC2:
+            body = stream.read(length - 2)
+            return int.from_bytes(body[3:5], "big"), int.from_bytes(body[1:3], "big")
+        stream.seek(length - 2, io.SEEK_CUR)
+
+
+def parameter_takes_effect(peer):
+    """A smaller debug image from the next frame on, and the event that tells of it."""
+    events = peer.listen(ParameterEvent, "/parameter_events", 10)
+    images = peer.listen(Image, "/tracker/debug/image")
+    request = SetParameters.Request(parameters=[integer("debug.max_side", 64)])
+    assert peer.call(SetParameters, "/tracker/set_parameters", request).results[0].successful
+    after = peer.index
+
+    def smaller():
+        peer.follow(1)
+        late = [i for i in images if stamp_of(i) > stamp_of(peer.message(after))]
+        assert all(i.width == 64 for i in late), "from the next frame on"
+        return late
+
+    peer.spin_until(smaller, "smaller debug images")
+    mine = lambda: [e for e in events if e.node == "/tracker" and e.changed_parameters[0].name == "debug.max_side"]
+    peer.spin_until(mine, "the event of the change")
+
+
+def parameters():
+    """The six services against the one table."""
+    peer = Peer()
+    listed = peer.call(ListParameters, "/tracker/list_parameters").result
+    assert {"algorithm", "seed", "debug.max_side", "use_sim_time"} <= set(listed.names), listed.names
+    assert "debug" in listed.prefixes
+    only = ListParameters.Request(prefixes=["debug"])
+    names = peer.call(ListParameters, "/tracker/list_parameters", only).result.names
+    assert sorted(names) == ["debug.jpeg_quality", "debug.max_side"], names
+
+    request = GetParameters.Request(names=["debug.max_side", "algorithm", "nonsense"])
+    values = peer.call(GetParameters, "/tracker/get_parameters", request).values
+    assert values[0].integer_value == 208 and values[1].string_value == "lcmht" and values[2].type == 0
+    request = GetParameterTypes.Request(names=["debug.max_side", "algorithm", "nonsense"])
+    assert list(peer.call(GetParameterTypes, "/tracker/get_parameter_types", request).types) == [2, 4, 0]
+
+    described = {}
+    for first in range(0, len(listed.names), 5):
+        request = DescribeParameters.Request(names=listed.names[first : first + 5])
+        answer = peer.call(DescribeParameters, "/tracker/describe_parameters", request)
+        described.update((d.name, d) for d in answer.descriptors)
+    assert set(described) == set(listed.names)
+    assert all(d.description for d in described.values())
+    side = described["debug.max_side"].integer_range[0]
+    assert (side.from_value, side.to_value, side.step) == (16, 4096, 0)
+    assert described["seed"].read_only and not described["debug.max_side"].read_only
+    assert all(d.floating_point_range for d in described.values() if d.type == 3)
+    assert "lcmht" in described["algorithm"].additional_constraints
+
+    def get(name):
+        request = GetParameters.Request(names=[name])
+        return peer.call(GetParameters, "/tracker/get_parameters", request).values[0].integer_value
+
+    def set_all(kind, service, *parameters):
+        return peer.call(kind, f"/tracker/{service}", kind.Request(parameters=list(parameters)))
+
+    results = set_all(
+        SetParameters,
+        "set_parameters",
+        integer("debug.max_side", 100),
+        integer("debug.max_sid", 100),
+        text("debug.max_side", "large"),
+        integer("debug.max_side", 5),
+        integer("seed", 5),
+        Parameter(name="debug.max_side"),
+    ).results
+    assert [r.successful for r in results] == [True] + 5 * [False], results
+    for result, part in zip(
+        results[1:], ["did you mean 'debug.max_side'?", "got string \"large\"", "16 to 4096, got 5", "read-only", "no value"]
+    ):
+        assert part in result.reason, result
+    assert get("debug.max_side") == 100
+
+    mixed = integer("debug.max_side", 50), integer("debug.jpeg_quality", 101)
+    result = set_all(SetParametersAtomically, "set_parameters_atomically", *mixed).result
+    assert not result.successful and "jpeg_quality" in result.reason
+    assert get("debug.max_side") == 100, "all or nothing"
+    both = integer("debug.max_side", 50), integer("debug.jpeg_quality", 60)
+    assert set_all(SetParametersAtomically, "set_parameters_atomically", *both).result.successful
+    assert get("debug.max_side") == 50 and get("debug.jpeg_quality") == 60
+    peer.close()
+
+
+def bad_input():
+    """Nothing of it changes the track, and each gives its line on /rosout."""
+    peer = Peer()
+    lines = peer.listen(Log, "/rosout", 100)
+    peer.connect()
+    peer.step()
+    early = peer.trigger("restart")
+    assert not early.success and "no target" in early.message, early
+    peer.start()
+    peer.follow(5)
+
+    good = peer.message(peer.index)
+    bad = []
+    for change in [
+        {"step": WIDTH * 3 - 1},
+        {"width": 0, "height": 0, "step": 0, "data": b""},
+        {"encoding": "rgb7"},
+        {"height": HEIGHT + 1},
+    ]:
+        message = image_message(encode(peer.scene.rgb(peer.index), "rgb8"), "rgb8", 5000 + len(bad))
+        for field, value in change.items():
+            setattr(message, field, value)
+        bad.append(message)
+
+    def told(part):
+        return any(line.name == "tracker" and part in line.msg for line in lines)
+
+    parts = ["step of 959 bytes", "image of 0 x 0", "'rgb7' is not supported", "230400 bytes is shorter than 241 rows"]
+    for message, part in zip(bad, parts):
+        # Best effort: what is lost on the way is sent again.
+        def refused():
+            peer.images.publish(message)
+            return told(part)
+
+        peer.spin_until(refused, f"a line with '{part}'")
+    assert not any(stamp_of(t)[0] >= 1100 for t in peer.tracks), "no tracks for bad images"
+
+    for box, part in [
+        ((WIDTH + 100, 10, 40, 40), "lies outside the image"),
+        ((10, 10, 0, 20), "too small"),
+        ((10, 10, 500, 3), "too small"),
+        ((10, 10, 260, 20), "too thin"),
+        ((0, 0, WIDTH + 1, 100), "larger than the image"),
+    ]:
+        peer.mark(*box)
+        peer.spin_until(lambda: told(part), f"a line with '{part}'")
+    said = peer.follow(5)
+    assert said.tracks[0].id == "0" and said.tracks[0].age == 10, said
+    assert stamp_of(good)[0] < 1100
+    peer.close()
+
+
+def encodings():
+    """The same scene in every encoding."""
+    peer = Peer()
+    peer.connect()
+    for encoding in CHANNELS:
+        peer.step(encoding)
+        peer.start()
+        said = peer.follow(12, encoding)
+        assert said.tracks[0].state == 0, (encoding, said)
+    peer.close()
+
+
+def renamed():
+    """Every name as the arguments of the node say; rows with padding."""
+    peer = Peer(tracker="/robot/front/eye", image="/camera/image_raw", image_qos=10)
+    peer.spin_until(lambda: "/robot/front/eye" in peer.listed(), "the renamed node is listed")
+    peer.spin_until(lambda: peer.images.get_subscription_count(), "the remapped image topic")
+    boxes = peer.listen(TrackArray, "/robot/boxes", 10)
+    message = image_message(encode(peer.scene.rgb(0), "rgb8"), "rgb8", 0, padding=13)
+
+    def answered():
+        peer.images.publish(message)
+        return boxes
+
+    peer.spin_until(answered, "tracks on the remapped topic")
+    request = GetParameters.Request(names=["seed", "debug.max_side", "debug.jpeg_quality"])
+    values = peer.call(GetParameters, "/robot/front/eye/get_parameters", request).values
+    assert [v.integer_value for v in values] == [11, 100, 77], values
+    assert peer.call(Trigger, "/robot/halt").success
+    peer.close()
+
+
+if __name__ == "__main__":
+    try:
+        globals()[sys.argv[1]](*sys.argv[2:])
+    except BaseException:
+        traceback.print_exc()
+        sys.stderr.flush()
+        # Without waiting for what rclpy may still hold.
+        os._exit(1)
+    os._exit(0)

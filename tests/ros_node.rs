@@ -1,0 +1,144 @@
+//! The node against a real rclpy process. Each test has a ROS domain of its own, on the loopback interface.
+
+#![cfg(feature = "ros")]
+
+mod support;
+
+use std::io::Write as _;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use support::{Node, Peer, domain};
+
+/// Runs a function of `tests/peer/scenarios.py` against a node, then ends the node; gives what it wrote.
+fn scenario(name: &str, args: &[&str]) -> String {
+    let domain = domain();
+    let node = Node::start(domain, args);
+    Peer::start(domain, name, &[]).succeed(&node);
+    node.signal("INT");
+    let (code, log) = node.finish();
+    assert_eq!(code, Some(0), "{log}");
+    log
+}
+
+#[test]
+fn a_target_is_marked_followed_stopped_and_taken_up_again() {
+    let domain = domain();
+    let node = Node::start(domain, &[]);
+    Peer::start(domain, "whole_life", &[&node.id().to_string()]).succeed(&node);
+    let (code, log) = node.finish();
+    assert_eq!(code, Some(0), "{log}");
+    for part in
+        ["first image on /image: 320 x 240 rgb8", "target 0 marked", "restarted", "parameter debug.max_side is now 64"]
+    {
+        assert!(log.contains(part), "no '{part}' in:\n{log}");
+    }
+    assert!(!log.contains("ERROR") && !log.contains("rustdds"), "{log}");
+}
+
+#[test]
+fn the_parameter_services_serve_the_one_table() {
+    let log = scenario("parameters", &[]);
+    assert!(log.contains("parameters refused: parameter 'debug.max_side' must lie in 16 to 4096, got 5"), "{log}");
+}
+
+#[test]
+fn bad_input_is_told_and_changes_nothing() {
+    let log = scenario("bad_input", &[]);
+    assert!(
+        log.contains("image refused: step of 959 bytes is shorter than a row of 320 rgb8 pixels (960 bytes)"),
+        "{log}"
+    );
+    assert!(log.contains("mark refused: box 500 x 3 at (10, 10) is too small"), "{log}");
+}
+
+#[test]
+fn every_encoding_is_tracked() {
+    scenario("encodings", &[]);
+}
+
+#[test]
+fn names_and_parameters_are_what_the_arguments_say() {
+    let mut file = tempfile::NamedTempFile::new().expect("a parameter file");
+    let text = "/robot/front/eye: {ros__parameters: {seed: 11, debug: {max_side: 99, jpeg_quality: 77}}}\n\
+                /tracker: {ros__parameters: {seed: 12}}\n\
+                /**: {ros__parameters: {a_parameter_of_another_node: 1}}\n";
+    file.write_all(text.as_bytes()).expect("the file written");
+    let path = file.path().to_str().expect("a path of text");
+    let args = [
+        "--ros-args",
+        "-r",
+        "__ns:=/robot/front",
+        "-r",
+        "__node:=eye",
+        "-r",
+        "image:=/camera/image_raw",
+        "--",
+        "--ros-args",
+        "-r",
+        "~/tracks:=/robot/boxes",
+        "-r",
+        "rosservice://~/stop:=/robot/halt",
+        "--params-file",
+        path,
+        "-p",
+        "debug.max_side:=100",
+        "--log-level",
+        "debug",
+    ];
+    let log = scenario("renamed", &args);
+    assert!(log.contains("[robot.front.eye]: /robot/front/eye waits for images on /camera/image_raw"), "{log}");
+    assert!(log.contains("unknown parameter 'a_parameter_of_another_node'"), "{log}");
+    assert!(log.contains("[DEBUG]"), "{log}");
+}
+
+#[test]
+fn signals_end_the_node_within_a_second() {
+    for signal in ["INT", "TERM"] {
+        let node = Node::start(domain(), &[]);
+        node.wait_for("waits for images");
+        let sent = Instant::now();
+        node.signal(signal);
+        let (code, log) = node.finish();
+        assert!(sent.elapsed() < Duration::from_secs(1), "{:?}", sent.elapsed());
+        assert_eq!(code, Some(0), "{log}");
+    }
+}
+
+#[test]
+fn what_is_waited_for_is_told_when_no_image_comes() {
+    let node = Node::start(domain(), &[]);
+    node.wait_for("no image on /image after 5 s; publishers there: none");
+}
+
+#[test]
+fn a_start_that_cannot_be_is_one_line_and_an_exit_code() {
+    let mut file = tempfile::NamedTempFile::new().expect("a file");
+    file.write_all(b"a: [no: yaml").expect("the file written");
+    let path = file.path().to_str().expect("a path of text");
+    let node = |args: &[&str], variables: &[(&str, &str)]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tracker_node"));
+        let output = command.args(args).envs(variables.iter().copied()).output().expect("the node ran");
+        let text = String::from_utf8(output.stderr).expect("text") + &String::from_utf8_lossy(&output.stdout);
+        (output.status.code(), text)
+    };
+    for (args, variables, part) in [
+        (&["--ros-args", "--params-file", path][..], &[][..], path),
+        (&["--ros-args", "--params-file", "/no/such/file.yaml"], &[], "/no/such/file.yaml"),
+        (&["--ros-args", "-p", "debug.max_side:=5"], &[], "'debug.max_side' must lie in 16 to 4096, got 5"),
+        (&["--ros-args", "-p", "debug.max_side:=wide"], &[], "'debug.max_side' is of type integer, got string"),
+        (&["--ros-args", "--frobnicate"], &[], "'--frobnicate'"),
+        (&["--ros-args", "-r", "__node:=a/b"], &[], "'a/b'"),
+        (&[], &[("ROS_DOMAIN_ID", "many")], "ROS_DOMAIN_ID=many"),
+    ] {
+        let (code, text) = node(args, variables);
+        assert_eq!(code, Some(2), "{args:?}: {text}");
+        assert!(text.lines().count() == 1 && text.contains(part), "{args:?}: {text}");
+    }
+    let (code, text) = node(&["--help"], &[]);
+    assert!(code == Some(0) && text.contains("--params-file"), "{text}");
+    let (code, text) = node(&["--version"], &[]);
+    assert!(code == Some(0) && text.contains(env!("CARGO_PKG_VERSION")), "{text}");
+    let (code, _) = node(&["--nonsense"], &[]);
+    assert_eq!(code, Some(2));
+}

@@ -1,0 +1,145 @@
+//! The processes of a test, each ended with it.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Condvar, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use super::Environment;
+
+/// Until something that must happen has to have happened.
+const DEADLINE: Duration = Duration::from_secs(20);
+
+/// A ROS domain that no other test of this process uses, nor, most likely, one of another process.
+pub fn domain() -> u32 {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    1 + (std::process::id() * 13 + NEXT.fetch_add(1, Ordering::Relaxed)) % 100
+}
+
+fn isolated(command: &mut Command, domain: u32) -> &mut Command {
+    command.env("ROS_DOMAIN_ID", domain.to_string()).env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+}
+
+#[derive(Default)]
+struct Lines {
+    text: Mutex<String>,
+    changed: Condvar,
+}
+
+/// The node as a process of its own.
+pub struct Node {
+    child: Child,
+    lines: Arc<Lines>,
+    reader: Option<JoinHandle<()>>,
+}
+
+impl Node {
+    /// Starts the node with its arguments.
+    pub fn start(domain: u32, args: &[&str]) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tracker_node"));
+        command.env_remove("RUST_LOG").env_remove("ROS_LOCALHOST_ONLY");
+        let child = isolated(&mut command, domain).args(args).stderr(Stdio::piped()).spawn();
+        let mut child = child.expect("the node started");
+        let lines = Arc::new(Lines::default());
+        let stderr = BufReader::new(child.stderr.take().expect("standard error is piped"));
+        let reader = std::thread::spawn({
+            let lines = lines.clone();
+            move || {
+                for line in stderr.lines().map_while(Result::ok) {
+                    let mut text = lines.text.lock().expect("the lines");
+                    text.push_str(&line);
+                    text.push('\n');
+                    lines.changed.notify_all();
+                }
+            }
+        });
+        Self { child, lines, reader: Some(reader) }
+    }
+
+    /// The process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Waits until a line holds `part`.
+    pub fn wait_for(&self, part: &str) {
+        let text = self.lines.text.lock().expect("the lines");
+        let waiting = |text: &mut String| !text.contains(part);
+        let (text, timeout) = self.lines.changed.wait_timeout_while(text, DEADLINE, waiting).expect("the lines");
+        assert!(!timeout.timed_out(), "no line with '{part}' in:\n{text}");
+    }
+
+    /// All it has written so far.
+    pub fn log(&self) -> String {
+        self.lines.text.lock().expect("the lines").clone()
+    }
+
+    /// Sends the signal, as `kill -NAME` names it.
+    pub fn signal(&self, name: &str) {
+        let sent = Command::new("kill").arg(format!("-{name}")).arg(self.id().to_string()).status();
+        assert!(sent.expect("kill").success());
+    }
+
+    /// Waits for the end; gives the exit code and all that was written.
+    pub fn finish(mut self) -> (Option<i32>, String) {
+        let status = wait(&mut self.child, DEADLINE).unwrap_or_else(|| panic!("the node runs on:\n{}", self.log()));
+        if let Some(reader) = self.reader.take() {
+            reader.join().expect("the reader of lines");
+        }
+        (status.code(), self.log())
+    }
+}
+
+impl Drop for Node {
+    fn drop(&mut self) {
+        end(&mut self.child);
+    }
+}
+
+/// A process that runs one function of `tests/peer/scenarios.py`.
+pub struct Peer(Child);
+
+impl Peer {
+    /// Starts the function with its arguments.
+    pub fn start(domain: u32, scenario: &str, args: &[&str]) -> Self {
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peer/scenarios.py");
+        let mut command = Environment::get().python();
+        let child = isolated(&mut command, domain).arg(script).arg(scenario).args(args).spawn();
+        Self(child.expect("python started"))
+    }
+
+    /// Waits until the function has returned without a failure.
+    pub fn succeed(mut self, node: &Node) {
+        let status = wait(&mut self.0, 6 * DEADLINE);
+        assert!(status.is_some_and(|s| s.success()), "the peer failed: {status:?}; the node wrote:\n{}", node.log());
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        end(&mut self.0);
+    }
+}
+
+/// The exit status, unless the process still runs after `limit`.
+fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
+    let end = Instant::now() + limit;
+    loop {
+        if let Some(status) = child.try_wait().expect("the status of a child") {
+            return Some(status);
+        }
+        if Instant::now() > end {
+            return None;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn end(child: &mut Child) {
+    // It may be gone already.
+    let _ = child.kill();
+    let _ = child.wait();
+}
