@@ -58,6 +58,36 @@ fn every_encoding_is_tracked() {
 }
 
 #[test]
+fn the_node_and_the_offline_command_give_the_same_boxes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().to_str().expect("a path of text");
+    let domain = domain();
+    let node = Node::start(domain, &[]);
+    Peer::start(domain, "offline", &[path]).succeed(&node);
+    let said = std::fs::read_to_string(folder.path().join("node.txt")).expect("what the node said");
+    let said: Vec<[f64; 5]> = said.lines().map(|line| numbers(line.split(' '))).collect();
+
+    let [x, y, w, h, _] = said[0];
+    let init = format!("{},{},{w},{h}", x - w / 2.0, y - h / 2.0);
+    let output = Command::new(env!("CARGO_BIN_EXE_track")).args([path, "--init", &init]).output().expect("track ran");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let csv = String::from_utf8(output.stdout).expect("text");
+    let rows: Vec<_> = csv.lines().skip(1).map(|row| row.split(',').collect::<Vec<_>>()).collect();
+    assert_eq!(rows.len(), said.len());
+    for (frame, (row, said)) in rows.iter().zip(&said).enumerate() {
+        let [x, y, w, h] = numbers(row[..4].iter().copied());
+        let state = ["tracking", "uncertain", "lost"].iter().position(|s| *s == row[5]).expect("a state") as f64;
+        // The message holds the centre, computed from the same corner in the same way.
+        assert_eq!([x + w / 2.0, y + h / 2.0, w, h, state], *said, "frame {frame}: {row:?}");
+    }
+}
+
+fn numbers<'a, const N: usize>(texts: impl Iterator<Item = &'a str>) -> [f64; N] {
+    let all: Vec<f64> = texts.map(|t| t.parse().expect("a number")).collect();
+    all.try_into().expect("as many numbers as there should be")
+}
+
+#[test]
 fn names_and_parameters_are_what_the_arguments_say() {
     let mut file = tempfile::NamedTempFile::new().expect("a parameter file");
     let text = "/robot/front/eye: {ros__parameters: {seed: 11, debug: {max_side: 99, jpeg_quality: 77}}}\n\

@@ -29,6 +29,8 @@ class Scene:
         self.width, self.height, self.target = width, height, target
         self.background = self._texture(rng, height, width, 8, 60, 120)
         self.patch = self._texture(rng, target[1], target[0], 6, 90, 255)
+        # The frames in which the target is not there.
+        self.hidden = ()
 
     @staticmethod
     def _texture(rng, height, width, cell, low, high):
@@ -45,7 +47,8 @@ class Scene:
     def rgb(self, index):
         x, y, w, h = self.box(index)
         frame = self.background.copy()
-        frame[y : y + h, x : x + w] = self.patch
+        if index not in self.hidden:
+            frame[y : y + h, x : x + w] = self.patch
         return frame
 
 

@@ -3,8 +3,10 @@
 import io
 import os
 import signal
+import struct
 import sys
 import traceback
+import zlib
 
 from peer import *  # noqa: F403
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue, Log
@@ -248,6 +250,94 @@ def encodings():
         said = peer.follow(12, encoding)
         assert said.tracks[0].state == 0, (encoding, said)
     peer.close()
+
+
+def offline(folder):
+    """The frames as a folder of PNG files beside what the node says of them, one frame after another."""
+    hidden = range(25, 40)
+    peer = Peer()
+    peer.scene.hidden = hidden
+    for index in range(60):
+        with open(os.path.join(folder, f"{index:04}.png"), "wb") as file:
+            file.write(png(peer.scene.rgb(index)))
+    peer.connect()
+    said = [peer.start()] + [peer.step() for _ in range(59)]
+    assert any(t.tracks[0].state == 2 for t in said), "it is lost while it is hidden"
+    with open(os.path.join(folder, "node.txt"), "w") as file:
+        for track in (t.tracks[0] for t in said):
+            print(track.center_x, track.center_y, track.size_x, track.size_y, track.state, file=file)
+    peer.close()
+
+
+def png(rgb):
+    """The bytes of a PNG file."""
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    height, width, _ = rgb.shape
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    rows = b"".join(b"\0" + row.tobytes() for row in rgb)
+    chunks = [chunk(b"IHDR", header), chunk(b"IDAT", zlib.compress(rows, 1)), chunk(b"IEND", b"")]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
+
+
+def measure(seconds):
+    """A camera of 1280 x 720 at 30 Hz; prints what was lost and how long it took."""
+    peer = Peer()
+    peer.scene = Scene(1280, 720, (60, 120))
+    # Made beforehand, and used in a ring that has no jump in it.
+    count = round(2 * np.pi * 20)
+    ring = [peer.message(index) for index in range(count)]
+    peer.connect()
+    peer.start()
+    arrived = {}
+    said = []
+
+    def note(message):
+        arrived[stamp_of(message)] = time.monotonic()
+        said.append(message)
+
+    peer.node.create_subscription(TrackArray, "/tracker/tracks", note, 1000)
+    peer.spin_until(lambda: peer.node.count_subscribers("/tracker/tracks") == 2, "the second listener")
+    for index in range(1, 31):
+        peer.send(image_message(peer.scene.rgb(index), "rgb8", index))
+    said.clear()
+
+    published, began = {}, time.monotonic()
+    frames = round(30 * float(seconds))
+    for n in range(frames):
+        while (left := began + n / 30 - time.monotonic()) > 0:
+            peer.executor.spin_once(timeout_sec=left)
+        index = 31 + n
+        message = ring[index % count]
+        stamp = 1_000_000_000_000 + index * 33_333_333
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
+        before = time.monotonic()
+        peer.images.publish(message)
+        published[stamp_of(message)] = before, time.monotonic()
+    end = time.monotonic() + 1
+    while time.monotonic() < end and len(said) < frames:
+        peer.executor.spin_once(timeout_sec=0.05)
+
+    stamps = [stamp_of(t) for t in said]
+    foreign = [s for s in stamps if s not in published]
+    processing = {stamp_of(t): t.processing_time.sec + t.processing_time.nanosec * 1e-9 for t in said}
+    known = [s for s in stamps if s in published]
+
+    def row(name, values):
+        low, half, high = np.percentile(np.array(values) * 1e3, [5, 50, 95])
+        print(f"{name}: 5 % {low:.2f} ms, median {half:.2f} ms, 95 % {high:.2f} ms")
+
+    print(f"images sent: {frames}; track messages: {len(said)}; skipped by the tracker: {sum(t.skipped for t in said)}")
+    print(f"messages with a stamp that no image had: {len(foreign)}; stamps twice: {len(stamps) - len(set(stamps))}")
+    states = [t.tracks[0].state for t in said]
+    print(f"tracking {states.count(0)}, uncertain {states.count(1)}, lost {states.count(2)}")
+    row("publish() of the image", [after - before for before, after in published.values()])
+    row("the tracker's own time", list(processing.values()))
+    row("from publish() begun to the message in rclpy, without it", [arrived[s] - published[s][0] - processing[s] for s in known])
+    row("from publish() returned to the message in rclpy, without it", [arrived[s] - published[s][1] - processing[s] for s in known])
+    assert not foreign
 
 
 def renamed():
