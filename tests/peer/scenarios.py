@@ -302,6 +302,7 @@ def measure(seconds):
     peer.spin_until(lambda: peer.node.count_subscribers("/tracker/tracks") == 2, "the second listener")
     for index in range(1, 31):
         peer.send(image_message(peer.scene.rgb(index), "rgb8", index))
+    peer.spin_until(lambda: len(said) == 30, "the second listener hears all")
     said.clear()
 
     published, began = {}, time.monotonic()
