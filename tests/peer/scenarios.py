@@ -241,9 +241,12 @@ def bad_input():
 
 
 def encodings():
-    """The same scene in every encoding."""
+    """The same scene in every encoding. The first mark comes before any image, and waits for one."""
     peer = Peer()
+    peer.spin_until(peer.marks.get_subscription_count, "the node listens to marks")
+    peer.mark(*peer.scene.box(0))
     peer.connect()
+    peer.follow(3)
     for encoding in CHANNELS:
         peer.step(encoding)
         peer.start()
