@@ -158,6 +158,11 @@ pub fn response(frame: &Frame, scene: &Scene) -> RgbImage {
     image
 }
 
+/// Writes a line of text in the top-left corner.
+pub fn heading(image: &mut RgbImage, text: &str) {
+    Pen::for_image(image).label(image, &Rect::default(), text, PREDICTION);
+}
+
 /// The frame as RGB, whatever its encoding and step.
 fn rgb(frame: &Frame) -> RgbImage {
     RgbImage::from_fn(frame.width(), frame.height(), |x, y| Rgb(frame.rgb(x as usize, y as usize)))

@@ -1,0 +1,107 @@
+//! The package at work: a camera plays a clip over ROS 2, the node follows the person that is marked in it, and what
+//! it publishes is drawn on the frames.
+//!
+//! The node runs in a process of its own, as `tracker_node` would. Everything shown comes from its `~/tracks`
+//! messages, matched with the frames by their stamps.
+
+mod clip;
+mod link;
+mod report;
+
+use std::error::Error;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitCode};
+use std::time::{Duration, Instant};
+
+use clap::Parser;
+
+/// The first argument of the process that is the node.
+const NODE: &str = "run-node";
+/// How long the node may take to leave.
+const GRACE: Duration = Duration::from_secs(5);
+
+/// Plays a clip to the node over ROS 2, marks a person, and shows how she is followed.
+#[derive(Parser)]
+struct Options {
+    /// Folder for the annotated frames and the contact sheet.
+    #[arg(long, default_value = "target/demo")]
+    output: PathBuf,
+    /// Frames a second.
+    #[arg(long, default_value_t = clip::RATE, value_parser = rate)]
+    rate: f64,
+    /// ROS domain, on this machine only.
+    #[arg(long, default_value_t = 101)]
+    domain: u16,
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    let rate: f64 = text.parse().map_err(|_| format!("'{text}' is no number"))?;
+    if (1.0..=1000.0).contains(&rate) { Ok(rate) } else { Err("it must lie in 1 to 1000".to_owned()) }
+}
+
+fn main() -> ExitCode {
+    let mut args: Vec<OsString> = std::env::args_os().collect();
+    if args.get(1).is_some_and(|a| a == NODE) {
+        args.remove(1);
+        return long_term_tracker::ros::run(args);
+    }
+    match show(&Options::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(why) => {
+            eprintln!("error: {why}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn show(options: &Options) -> Result<(), Box<dyn Error>> {
+    let frames = clip::frames();
+    let marks = clip::marks();
+    let mark = marks.first().and_then(|m| m.rect).ok_or("the first frame is not marked")?;
+
+    let node = Node::start(options.domain)?;
+    let run = link::play(&frames, mark, options.rate, options.domain)?;
+    node.stop()?;
+
+    let sheet = report::draw(&frames, &run.tracks, &options.output)?;
+    print!("{}", report::summary(&run, &marks));
+    println!("annotated frames: {}", options.output.display());
+    println!("contact sheet:    {}", sheet.display());
+    Ok(())
+}
+
+/// The process of the node.
+struct Node(Child);
+
+impl Node {
+    fn start(domain: u16) -> std::io::Result<Self> {
+        let child = Command::new(std::env::current_exe()?)
+            .args([NODE, "--ros-args", "-p", clip::PARAMETER])
+            .env("ROS_DOMAIN_ID", domain.to_string())
+            .env("ROS_LOCALHOST_ONLY", "1")
+            .spawn()?;
+        Ok(Self(child))
+    }
+
+    /// Asks the node to leave as a launch file would, and waits until it has.
+    fn stop(mut self) -> Result<(), Box<dyn Error>> {
+        Command::new("sh").args(["-c", "kill -TERM $0", &self.0.id().to_string()]).status()?;
+        let begin = Instant::now();
+        while begin.elapsed() < GRACE {
+            if let Some(status) = self.0.try_wait()? {
+                return if status.success() { Ok(()) } else { Err(format!("the node ended with {status}").into()) };
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        Err("the node does not leave".into())
+    }
+}
+
+impl Drop for Node {
+    fn drop(&mut self) {
+        // It is gone already unless something failed.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}

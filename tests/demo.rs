@@ -1,0 +1,84 @@
+//! The clip that the package ships: the default tracker must follow the right person on it, by boxes drawn by hand; and
+//! the demo, which shows it over ROS 2, must work as the README tells.
+
+#[path = "../examples/demo/clip.rs"]
+mod clip;
+
+use long_term_tracker::params::{self, Phase};
+use long_term_tracker::{Encoding, Frame, Params, Session, State, Target};
+
+/// Overlap with the drawn box from which on the right person is followed.
+const MIN_OVERLAP: f64 = 0.4;
+
+/// What the tracker says of each frame; the first is the mark itself.
+fn follow(params: Params) -> Vec<Target> {
+    let mark = clip::marks()[0].rect.expect("the first frame shows the person");
+    let mut session = Session::new(params);
+    let step = |(index, image): (usize, image::RgbImage)| {
+        let (width, height) = image.dimensions();
+        let frame = Frame::new(&image, width, height, 3 * width as usize, Encoding::Rgb8, None).unwrap();
+        let output = match index {
+            0 => session.start(&frame, mark, &mut ()).unwrap(),
+            _ => session.step(&frame, &mut ()),
+        };
+        output.targets[0].clone()
+    };
+    clip::frames().into_iter().enumerate().map(step).collect()
+}
+
+/// On every marked frame the box lies on the person, and where she is hidden it is not said to.
+fn check(targets: &[Target]) {
+    for clip::Mark { frame, rect: mark } in clip::marks() {
+        let Target { rect, state, .. } = &targets[frame];
+        match mark {
+            Some(mark) => {
+                let overlap = rect.iou(&mark);
+                assert!(overlap > MIN_OVERLAP, "frame {frame}: {rect} overlaps the person at {mark} by {overlap:.2}");
+            }
+            None => assert_ne!(*state, State::Tracking, "frame {frame}: the person is hidden, the box is at {rect}"),
+        }
+    }
+    assert_eq!(targets.last().unwrap().state, State::Tracking);
+}
+
+#[test]
+fn the_person_is_followed_through_the_occlusion() {
+    check(&follow(Params::default()));
+}
+
+#[test]
+fn with_little_patience_the_person_is_lost_and_found_again() {
+    let (name, value) = params::assignment(clip::PARAMETER).unwrap();
+    let targets = follow(Params::default().with([(name.as_str(), &value)], Phase::StartUp).unwrap());
+    check(&targets);
+    let marks = clip::marks();
+    let hidden = marks.iter().find(|m| m.rect.is_none()).unwrap().frame;
+    assert!(targets[..hidden].iter().all(|t| t.state != State::Lost), "lost before she is hidden");
+    let back = hidden + targets[hidden..].iter().position(|t| t.reacquired).expect("never lost and found again");
+    assert!(targets[hidden..back].iter().any(|t| t.state == State::Lost), "found on frame {back}, not lost before");
+    assert!(targets[back..].iter().all(|t| t.state != State::Lost), "lost once more after frame {back}");
+}
+
+#[cfg(feature = "ros")]
+#[test]
+fn the_demo_shows_the_node_at_work() {
+    let output = tempfile::tempdir().unwrap();
+    // The command of the README; it finds everything built.
+    let profile: &[&str] = if cfg!(debug_assertions) { &[] } else { &["--release"] };
+    let run = std::process::Command::new(env!("CARGO"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["run", "--example", "demo"])
+        .args(profile)
+        .args(["--", "--rate", "20", "--output"])
+        .arg(output.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&run.stdout);
+    let complained = String::from_utf8_lossy(&run.stderr);
+    assert!(run.status.success(), "{said}{complained}");
+    assert!(said.contains("re-acquired: 1 x"), "{said}{complained}");
+    assert!(said.contains("the right person: on 14 of 14"), "{said}{complained}");
+    let frame = image::open(output.path().join("099.png")).unwrap();
+    let sheet = image::open(output.path().join("contact_sheet.png")).unwrap();
+    assert!(sheet.width() > 3 * frame.width() && sheet.height() > 4 * frame.height());
+}
