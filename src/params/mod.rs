@@ -5,6 +5,7 @@
 //! A change is checked as a whole and makes a new set, or is refused as a whole: [`Params::with`].
 
 mod lcmht;
+mod markdown;
 mod schema;
 mod table;
 mod value;
@@ -13,6 +14,7 @@ mod yaml;
 use std::sync::LazyLock;
 
 pub use lcmht::*;
+pub use markdown::markdown;
 pub use schema::*;
 use table::Group;
 pub use value::{Descriptor, Kind, Range, Value};
