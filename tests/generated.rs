@@ -1,8 +1,8 @@
-//! Files that are made from the table of parameters must say what the table says. `REGENERATE=1` rewrites them.
+//! Files of parameters must say what the table says. `REGENERATE=1` rewrites those that are made from it.
 
 use std::path::Path;
 
-use long_term_tracker::params::{self, Params};
+use long_term_tracker::params::{self, NodeName, Params, Phase};
 
 const BEGIN: &str = "<!-- parameters: begin -->\n";
 const END: &str = "<!-- parameters: end -->";
@@ -31,4 +31,18 @@ fn the_readme_holds_the_table_of_parameters() {
 #[test]
 fn the_default_preset_holds_the_defaults() {
     check("params/default.yaml", |_| params::preset(&Params::default(), "The defaults of every parameter."));
+}
+
+#[test]
+fn every_preset_is_a_set_of_parameters() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("params");
+    let mut names: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    names.sort();
+    assert_eq!(names.len(), 2, "{names:?}");
+    for path in names {
+        let changes = params::file(&path, &NodeName::default()).unwrap();
+        let changed = Params::default().with(changes.iter().map(|(n, v)| (n.as_str(), v)), Phase::StartUp).unwrap();
+        let is_default = path.ends_with("default.yaml");
+        assert_eq!(changed == Params::default(), is_default, "{}", path.display());
+    }
 }

@@ -15,6 +15,7 @@
 //! [`messages`] are the types on the wire, [`convert`] goes from them to the core's types and back, [`logging`] sends
 //! log lines to the terminal and to `/rosout`, [`stats`] counts.
 
+pub mod answers;
 pub mod args;
 pub mod commands;
 pub mod convert;

@@ -14,6 +14,7 @@ use ros2_client::rcl_interfaces::{
 };
 use ros2_client::{Publisher, ServiceTypeName, builtin_interfaces};
 
+use super::answers::{fits, whole_or_empty};
 use super::endpoints::Endpoints;
 use super::fault::Fault;
 use super::inbox::{Command, Inbox};
@@ -60,15 +61,37 @@ impl ParameterServices {
     pub async fn serve(&self) {
         let current = || self.store.current();
         join!(
-            self.get.serve(async |q| GetParametersResponse { values: values(&current(), &q.names) }),
-            self.get_types.serve(async |q| GetParameterTypesResponse { values: types(&current(), &q.names) }),
-            self.list.serve(async |q| ListParametersResponse { result: list(&current(), &q.prefixes, q.depth) }),
-            self.describe.serve(async |q| DescribeParametersResponse { values: descriptions(&current(), &q.names) }),
+            self.get.serve(async |q| {
+                whole_or_empty(&q.names, |names| GetParametersResponse { values: values(&current(), names) })
+            }),
+            self.get_types.serve(async |q| {
+                whole_or_empty(&q.names, |names| GetParameterTypesResponse { values: types(&current(), names) })
+            }),
+            self.list.serve(async |q| self.list_what_fits(&q)),
+            self.describe.serve(async |q| {
+                whole_or_empty(&q.names, |names| DescribeParametersResponse { values: descriptions(&current(), names) })
+            }),
             self.set.serve(async |q| SetParametersResponse {
                 results: q.parameter.into_iter().map(|p| self.change(vec![p])).collect(),
             }),
             self.set_atomically.serve(async |q| SetParametersAtomicallyResponse { result: self.change(q.parameter) }),
         );
+    }
+
+    /// The names, as many as an answer holds.
+    fn list_what_fits(&self, request: &ListParametersRequest) -> ListParametersResponse {
+        let mut answer =
+            ListParametersResponse { result: list(&self.store.current(), &request.prefixes, request.depth) };
+        let wanted = answer.result.names.len();
+        while !fits(&answer) && answer.result.names.pop().is_some() {}
+        if answer.result.names.len() < wanted {
+            warn!(
+                "only {} of {wanted} parameters are listed; for the others ask with a prefix: {}",
+                answer.result.names.len(),
+                answer.result.prefixes.join(", ")
+            );
+        }
+        answer
     }
 
     fn change(&self, changes: Vec<raw::Parameter>) -> raw::SetParametersResult {
@@ -175,7 +198,9 @@ fn list(settings: &Settings, prefixes: &[String], depth: u64) -> ListParametersR
             below.is_some_and(|rest| rest.is_empty() || depth == 0 || levels(rest) < depth)
         })
     };
-    let names: Vec<String> = settings.names().into_iter().filter(|n| wanted(n)).map(str::to_owned).collect();
+    let mut names: Vec<String> = settings.names().into_iter().filter(|n| wanted(n)).map(str::to_owned).collect();
+    // What stands outside all groups comes first: no prefix asks for it.
+    names.sort_by_key(|name| levels(name));
     let mut groups: Vec<String> = names.iter().filter_map(|n| n.rsplit_once('.')).map(|(g, _)| g.to_owned()).collect();
     groups.sort_unstable();
     groups.dedup();
