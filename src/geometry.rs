@@ -83,7 +83,9 @@ impl Rect {
 
 impl std::fmt::Display for Rect {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} x {} at ({}, {})", self.w, self.h, self.x, self.y)
+        // Hundredths of a pixel are more than a reader needs.
+        let [w, h, x, y] = [self.w, self.h, self.x, self.y].map(|v| (v * 100.0).round() / 100.0);
+        write!(f, "{w} x {h} at ({x}, {y})")
     }
 }
 

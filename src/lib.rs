@@ -1,4 +1,43 @@
 //! Follows a target that a user marks in a camera stream, says when it has lost it, and finds it again.
+//!
+//! # The way of the data
+//!
+//! ```text
+//! Image message | image file
+//!   -> Frame            borrowed pixels, row step, encoding, stamp             frame
+//!   -> Session::step    commands (start, stop, retune) between frames          session
+//!      -> Tracker::step crop -> features -> window -> FFT -> response          crop, features, dcf
+//!                       -> peak -> confidence -> GM-PHD filter                 tracker, filter
+//!                       -> (lost: proposals -> GM-PHD -> verify)               detect, learn
+//!                       -> scale -> learn
+//!   -> Output           per target: id, state, box, velocity, confidence       tracker
+//!   -> publish | write a row | draw                                            ros, cli, draw
+//! ```
+//!
+//! Live and offline differ only at the two ends, so the same frames and parameters give the same boxes.
+//!
+//! # Rooms
+//!
+//! | room | what lives there |
+//! |---|---|
+//! | [`geometry`], [`frame`], [`error`] | boxes and the one convention for coordinates; images as they come in; errors |
+//! | [`crop`], [`features`] | search windows cut out and resampled; HOG, colour names, LUV, layers of them |
+//! | [`dcf`] | correlation filters: the paper's and the default one, response maps, scale |
+//! | [`filter`] | motion models, Kalman steps, the GM-PHD filter |
+//! | [`learn`], [`detect`] | the incremental support vector machine; the detector that looks for a lost target with it |
+//! | [`tracker`] | the interface and one file a tracker; [`tracker::lcmht`] reads as its paper |
+//! | [`session`], [`trace`] | one stream with one tracker; what a step shows of its inside |
+//! | [`params`] | the one table of parameters, and files of them |
+//! | [`replay`], [`eval`], [`cli`], [`draw`] | frames from folders; scores; the offline commands; debug pictures |
+//! | `ros` | the node (cargo feature `ros`, on by default) |
+//!
+//! Start reading at [`tracker::lcmht`], or at [`session`] for how it is driven.
+//!
+//! # Papers
+//!
+//! * N. L. Baisa, D. Bhowmik, A. Wallace: *Long-term correlation tracking using multi-layer hybrid features in dense
+//!   environments* (LCMHT): [`dcf`], [`detect`], [`filter::gm_phd`], [`tracker::lcmht`].
+//! * N. L. Baisa: *Derivation of a constant velocity motion model for visual tracking*: [`filter::motion`].
 
 pub mod cli;
 pub mod crop;

@@ -115,7 +115,7 @@ mod tests {
         for (map, spectrum) in maps.chunks_exact(CELLS).zip(spectra.chunks_exact_mut(fft.bins())) {
             fft.forward(map, spectrum);
         }
-        Sample { layers: vec![0..2, 2..3], spectra }
+        Sample::new(vec![0..2, 2..3], spectra)
     }
 
     fn filter(fft: &mut Fft2) -> KernelisedFilter {

@@ -310,7 +310,7 @@ mod tests {
         for (map, spectrum) in maps.chunks_exact(ROWS * COLS).zip(spectra.chunks_exact_mut(fft.bins())) {
             fft.forward(map, spectrum);
         }
-        Sample { layers: std::iter::once(0..CHANNELS).collect(), spectra }
+        Sample::new(std::iter::once(0..CHANNELS).collect(), spectra)
     }
 
     const SETTINGS: Settings = Settings { memory: 3, first_weight: 0.2, regularisation: 0.05 };
