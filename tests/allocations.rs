@@ -6,6 +6,8 @@ use std::cell::Cell;
 use long_term_tracker::filter::Vector;
 use long_term_tracker::filter::gm_phd::{GmPhd, GmPhdSettings};
 use long_term_tracker::filter::motion::{MotionModel, Noise};
+use long_term_tracker::params::{Params, Phase, Value};
+use long_term_tracker::{Encoding, Frame, Rect, Session, State};
 
 thread_local! {
     /// Allocations of this thread: tests run side by side.
@@ -67,4 +69,42 @@ fn gm_phd_steps_allocate_nothing_once_warm() {
     filter.reset(&[]);
     assert_eq!(allocations(|| round(&mut filter)), 0);
     assert!(filter.components().len() > 1);
+}
+
+/// A textured square of 32 px that moves by a pixel a frame over noise.
+fn scene(frame: usize) -> Vec<u8> {
+    let noise = |x: usize, y: usize| ((x * 7919 + y * 104_729 + (x * y) % 97 * 31) % 61) as u8;
+    let mut data = Vec::with_capacity(160 * 120 * 3);
+    for y in 0usize..120 {
+        for x in 0usize..160 {
+            let inside = (40 + frame..72 + frame).contains(&x) && (44..76).contains(&y);
+            let [u, v] = [x.wrapping_sub(40 + frame), y.wrapping_sub(44)];
+            let value = if inside { 40 + ((u / 4 * 53 + v / 5 * 91) % 200) as u8 } else { 80 + noise(x, y) };
+            data.extend([value, value / 2, 255 - value]);
+        }
+    }
+    data
+}
+
+/// Frames in which nothing is learned: what every frame costs.
+#[test]
+fn following_a_target_allocates_nothing_once_warm() {
+    let interval = Value::Integer(100);
+    let params = Params::default().with([("lcmht.filter.interval", &interval)], Phase::StartUp).unwrap();
+    let mut session = Session::new(params);
+    let scenes: Vec<Vec<u8>> = (0..40).map(scene).collect();
+    let frames: Vec<Frame> =
+        scenes.iter().map(|data| Frame::new(data, 160, 120, 480, Encoding::Rgb8, None).unwrap()).collect();
+    session.start(&frames[0], Rect::new(40.0, 44.0, 32.0, 32.0), &mut ()).unwrap();
+    for frame in &frames[1..10] {
+        session.step(frame, &mut ());
+    }
+    let count = allocations(|| {
+        for frame in &frames[10..] {
+            assert_eq!(session.step(frame, &mut ()).targets[0].state, State::Tracking);
+        }
+    });
+    assert_eq!(count, 0);
+    let found = session.output().targets[0].rect;
+    assert!(found.iou(&Rect::new(79.0, 44.0, 32.0, 32.0)) > 0.7, "{found}");
 }
