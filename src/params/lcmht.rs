@@ -80,10 +80,10 @@ group! {
     /// What is made of a response.
     pub struct LcmhtConfidence at "lcmht.confidence." {
         relative: bool = true; "Measures responses in units of what the target usually gets; otherwise the thresholds are responses, as in the paper."
-        activate: f64 = 0.5, in 0.0..=10.0; "Response below which the target is uncertain, nothing is learned, and re-detection begins (T_ad)."
+        activate: f64 = 0.5, in 0.0..=10.0; "Response below which the target is uncertain and nothing is learned (T_ad)."
         reacquire: f64 = 0.6, in 0.0..=10.0; "Response that a lost target must get where the detector proposes it; where it is expected, activate is enough."
         train: f64 = 0.6, in 0.0..=10.0; "Response above which the detector learns (T_td)."
-        lost: f64 = 0.35, in 0.0..=10.0; "Mean response of uncertain frames below which the target is lost."
+        lost: f64 = 0.35, in 0.0..=10.0; "Mean response of uncertain frames below which the target is lost and re-detection begins."
         patience: i64 = 5, in 0..=1000, unit "frames"; "Uncertain frames before the target can be lost."
         gate: bool = true; "Learns only while the target is certain; otherwise in every frame, as the paper's Algorithm 1."
         adapt: f64 = 0.05, in 0.0..=1.0; "Rate at which the usual response follows that of a frame."
