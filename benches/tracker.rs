@@ -9,9 +9,11 @@ use long_term_tracker::dcf::masked::{MaskedFilter, Settings};
 use long_term_tracker::dcf::sample::Sample;
 use long_term_tracker::dcf::window::{label, mask};
 use long_term_tracker::features::FeatureMap;
+use long_term_tracker::features::cnn::{self, Cnn};
 use long_term_tracker::features::colour_names;
 use long_term_tracker::features::hog::Hog;
-use long_term_tracker::features::layers::{Extractor, Feature, LayerSpec};
+use long_term_tracker::features::layers::{Extractor, Feature, LayerSpec, Source};
+use long_term_tracker::params::Inference;
 use long_term_tracker::{Encoding, Frame, Params, Rect, Session, State};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -82,13 +84,13 @@ fn filter(c: &mut Criterion) {
     let frame = frame(&data);
     let window = Rect::around(target(0).centre(), [226.0; 2]);
     let specs = [
-        LayerSpec { features: vec![Feature::Hog], components: Some(16), energy: Some(1.0) },
-        LayerSpec { features: vec![Feature::ColourNames], components: None, energy: Some(0.5) },
+        LayerSpec { source: Source::Cells(vec![Feature::Hog]), components: Some(16), energy: Some(1.0) },
+        LayerSpec { source: Source::Cells(vec![Feature::ColourNames]), components: None, energy: Some(0.5) },
     ];
     for cells in [32, 48] {
         let mut cropper = Cropper::default();
         let mut fft = Fft2::new(cells, cells);
-        let mut extractor = Extractor::fit(&specs, cells, cells, &frame, &window, &mut cropper);
+        let mut extractor = Extractor::fit(&specs, None, cells, cells, &frame, &window, &mut cropper);
         let mut sample = Sample::default();
         c.bench_function(&format!("extract/{cells}"), |b| {
             b.iter(|| extractor.extract(black_box(&frame), &window, &mut cropper, &mut fft, &mut sample))
@@ -112,9 +114,26 @@ fn filter(c: &mut Criterion) {
     }
 }
 
+/// The embedded network. `ORT_DYLIB_PATH` names ONNX Runtime's library; without it, only the built-in library runs.
+fn network(c: &mut Criterion) {
+    let data = video().swap_remove(0);
+    let frame = frame(&data);
+    let window = Rect::around(target(0).centre(), [226.0; 2]);
+    for (name, inference) in [("builtin", Inference::Builtin), ("onnxruntime", Inference::OnnxRuntime)] {
+        for side in [128, 192, 224] {
+            let settings = cnn::Settings { side, inference, ..cnn::Settings::new(&Params::default().lcmht.cnn) };
+            let Ok(mut cnn) = Cnn::load(settings) else { continue };
+            let mut cropper = Cropper::default();
+            c.bench_function(&format!("network/{name}/{side}"), |b| {
+                b.iter(|| cnn.compute(black_box(&frame), &window, &mut cropper))
+            });
+        }
+    }
+}
+
 fn step(c: &mut Criterion) {
     let video = video();
-    let mut session = Session::new(Params::default());
+    let mut session = Session::new(Params::default()).expect("the default parameters name no file");
     session.start(&frame(&video[0]), target(0), &mut ()).expect("the target is in view");
     let mut k = 0;
     c.bench_function("step", |b| {
@@ -127,5 +146,5 @@ fn step(c: &mut Criterion) {
     assert!(found.state == State::Tracking && found.rect.iou(&target(k)) > 0.5, "{found:?} was not on the target");
 }
 
-criterion_group!(benches, features, filter, step);
+criterion_group!(benches, features, filter, network, step);
 criterion_main!(benches);

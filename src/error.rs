@@ -69,10 +69,36 @@ pub enum ParamsError {
     /// Each value is right by itself, but not together.
     #[error("parameters do not fit together: {0}")]
     Conflict(String),
+    /// The network that they name cannot be used.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
     /// `NAME:=VALUE` without the `:=`, or with a value that is no YAML.
     #[error("'{text}' is no parameter assignment: {why}")]
     Assignment { text: String, why: String },
     /// A parameter file that cannot be read or understood.
     #[error("parameter file {}: {why}", path.display())]
     File { path: PathBuf, why: String },
+}
+
+/// Why a network cannot be used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NetworkError {
+    /// The file cannot be read.
+    #[error("network {file} cannot be read: {why}")]
+    Unreadable { file: String, why: String },
+    /// It is no network, or one that cannot be run.
+    #[error("network {file} cannot be run, expected an ONNX network of images: {why}")]
+    Format { file: String, why: String },
+    /// It takes something else than one image of the size that the parameters say.
+    #[error("network {file} takes {got}, expected one image of 1 x 3 x {side} x {side}")]
+    Input { file: String, got: String, side: usize },
+    /// It lacks an output that the parameters name.
+    #[error("network {file} has no output '{name}', expected one of {known}")]
+    Output { file: String, name: String, known: String },
+    /// It computes no numbers.
+    #[error("network {file} gives values that are not finite at output '{name}', expected weights without NaN")]
+    NotFinite { file: String, name: String },
+    /// ONNX Runtime was asked for and is not to be had.
+    #[error("ONNX Runtime cannot be used: {why}")]
+    Runtime { why: String },
 }

@@ -59,7 +59,7 @@ pub mod session;
 pub mod trace;
 pub mod tracker;
 
-pub use error::{FrameError, ParamsError, StartError};
+pub use error::{FrameError, NetworkError, ParamsError, StartError};
 pub use frame::{Encoding, Frame};
 pub use geometry::Rect;
 pub use params::Params;

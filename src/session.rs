@@ -3,7 +3,7 @@
 //! Commands (start, stop, restart, retune) are calls between frames, so a frame is never half of one and half of
 //! another parameter set.
 
-use crate::error::StartError;
+use crate::error::{NetworkError, StartError};
 use crate::frame::{Frame, Stamp};
 use crate::geometry::Rect;
 use crate::params::Params;
@@ -22,17 +22,17 @@ pub struct Session {
 }
 
 impl Session {
-    /// A session that waits for a mark.
-    pub fn new(params: Params) -> Self {
-        Self {
-            tracker: tracker::build(&params),
+    /// A session that waits for a mark, or why a file that the parameters name cannot be used.
+    pub fn new(params: Params) -> Result<Self, NetworkError> {
+        Ok(Self {
+            tracker: tracker::build(&params)?,
             params,
             mark: None,
             active: false,
             cadence: Cadence::default(),
             output: Output::default(),
             next_id: 0,
-        }
+        })
     }
 
     /// The parameters in force.
@@ -80,10 +80,12 @@ impl Session {
         self.mark
     }
 
-    /// Takes over changed parameters from the next frame on. What is fixed stays as it was.
-    pub fn retune(&mut self, params: Params) {
-        self.tracker.retune(&params);
+    /// Takes over changed parameters from the next frame on; what is fixed stays as it was. Parameters that name a file
+    /// that cannot be used are refused, and nothing changes.
+    pub fn retune(&mut self, params: Params) -> Result<(), NetworkError> {
+        self.tracker.retune(&params)?;
         self.params = params;
+        Ok(())
     }
 
     /// Follows the target into the next frame. Without a target the output is empty and nothing is computed.

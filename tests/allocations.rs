@@ -91,7 +91,7 @@ fn scene(frame: usize) -> Vec<u8> {
 fn following_a_target_allocates_nothing_once_warm() {
     let interval = Value::Integer(100);
     let params = Params::default().with([("lcmht.filter.interval", &interval)], Phase::StartUp).unwrap();
-    let mut session = Session::new(params);
+    let mut session = Session::new(params).unwrap();
     let scenes: Vec<Vec<u8>> = (0..40).map(scene).collect();
     let frames: Vec<Frame> =
         scenes.iter().map(|data| Frame::new(data, 160, 120, 480, Encoding::Rgb8, None).unwrap()).collect();

@@ -13,7 +13,7 @@ const MIN_OVERLAP: f64 = 0.4;
 /// What the tracker says of each frame; the first is the mark itself.
 fn follow(params: Params) -> Vec<Target> {
     let mark = clip::marks()[0].rect.expect("the first frame shows the person");
-    let mut session = Session::new(params);
+    let mut session = Session::new(params).unwrap();
     let step = |(index, image): (usize, image::RgbImage)| {
         let (width, height) = image.dimensions();
         let frame = Frame::new(&image, width, height, 3 * width as usize, Encoding::Rgb8, None).unwrap();

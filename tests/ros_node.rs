@@ -157,6 +157,11 @@ fn a_start_that_cannot_be_is_one_line_and_an_exit_code() {
         (&["--ros-args", "--params-file", "/no/such/file.yaml"], &[], "/no/such/file.yaml"),
         (&["--ros-args", "-p", "debug.max_side:=5"], &[], "'debug.max_side' must lie in 16 to 4096, got 5"),
         (&["--ros-args", "-p", "debug.max_side:=wide"], &[], "'debug.max_side' is of type integer, got string"),
+        (
+            &["--ros-args", "-p", "lcmht.cnn.enabled:=true", "-p", "lcmht.cnn.file:=/no/such.onnx"],
+            &[],
+            "network /no/such.onnx cannot be read",
+        ),
         (&["--ros-args", "--frobnicate"], &[], "'--frobnicate'"),
         (&["--ros-args", "-r", "__node:=a/b"], &[], "'a/b'"),
         (&[], &[("ROS_DOMAIN_ID", "many")], "ROS_DOMAIN_ID=many"),

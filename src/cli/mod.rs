@@ -11,7 +11,7 @@ use std::process::ExitCode;
 
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 
-use crate::error::{ParamsError, StartError};
+use crate::error::{NetworkError, ParamsError, StartError};
 use crate::eval::dataset::DatasetError;
 use crate::params::{Assignment, NodeName, Params, Phase, Value, file};
 use crate::replay::ReplayError;
@@ -22,6 +22,9 @@ pub enum Error {
     /// A parameter, or a file of them.
     #[error(transparent)]
     Params(#[from] ParamsError),
+    /// The network that the parameters name cannot be used.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
     /// Where there ought to be frames are none.
     #[error(transparent)]
     Source(ReplayError),

@@ -57,7 +57,7 @@ pub fn run(args: &Args) -> Result<(), Error> {
     let mut source = replay::open(&args.source).map_err(Error::Source)?;
     let (init, from) = target(args, source.as_ref())?;
     let first = source.next_frame().map_err(Error::Read)?;
-    let mut session = Session::new(params);
+    let mut session = Session::new(params)?;
     let mut watch = (StageClock::default(), Scene::default());
     if let Some(buffer) = &first {
         watch.0.begin();

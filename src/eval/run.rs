@@ -7,7 +7,7 @@ use std::time::Duration;
 use rustix::time::{ClockId, clock_gettime};
 
 use super::dataset::Sequence;
-use crate::error::StartError;
+use crate::error::{NetworkError, StartError};
 use crate::geometry::Rect;
 use crate::params::Params;
 use crate::replay::{self, ReplayError};
@@ -20,6 +20,9 @@ pub enum RunError {
     /// Its frames cannot be read.
     #[error(transparent)]
     Frames(#[from] ReplayError),
+    /// The network that the parameters name cannot be used.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
     /// Its first row is no box.
     #[error("the target is not in view on the first frame")]
     NoTarget,
@@ -58,7 +61,7 @@ impl Run {
 pub fn run(setup: &Setup, sequence: &Sequence, limit: usize, on_frame: impl Fn()) -> Result<Run, RunError> {
     let target = sequence.truth.first().copied().flatten().ok_or(RunError::NoTarget)?;
     let mut source = replay::open(&sequence.path)?;
-    let mut session = Session::new(setup.params.clone());
+    let mut session = Session::new(setup.params.clone())?;
     let mut run = Run { outputs: Vec::with_capacity(sequence.truth.len()), processor_time: Duration::ZERO };
     while run.outputs.len() < limit.min(sequence.truth.len()) {
         let Some(buffer) = source.next_frame()? else { break };

@@ -3,8 +3,10 @@
 
 use rustfft::num_complex::Complex32;
 
-use super::hog::{self, Hog};
+use super::cnn::{SharedCnn, locked};
+use super::hog::Hog;
 use super::pca::Projection;
+use super::resize::Resize;
 use super::{CELL, FeatureMap, colour_names};
 use crate::crop::{Cropper, Patch};
 use crate::dcf::fft::Fft2;
@@ -22,11 +24,20 @@ pub enum Feature {
     ColourNames,
 }
 
+/// Where a layer's channels come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Source {
+    /// Features on the grid of cells, whose channels stand beside each other.
+    Cells(Vec<Feature>),
+    /// An output of the network, counted as in its settings.
+    Network(usize),
+}
+
 /// What one layer is made of.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerSpec {
-    /// Features whose channels stand beside each other.
-    pub features: Vec<Feature>,
+    /// Where its channels come from.
+    pub source: Source,
     /// Principal components to keep, fixed in the first frame; `None` keeps the channels as they are.
     pub components: Option<usize>,
     /// The mean energy of a cell that the layer is scaled to in the first frame; `None` leaves it as it is.
@@ -37,6 +48,9 @@ pub struct LayerSpec {
 struct Layer {
     spec: LayerSpec,
     projection: Option<Projection>,
+    /// From the network's grid to that of the cells.
+    resize: Option<Resize>,
+    channels: usize,
     gain: f32,
 }
 
@@ -50,16 +64,21 @@ pub struct Extractor {
     hog: Hog,
     hog_map: FeatureMap,
     names_map: FeatureMap,
-    /// The channels of one layer before its projection.
+    cnn: Option<SharedCnn>,
+    /// The channels of one layer of cells before its projection.
     joined: FeatureMap,
+    /// The channels of one layer of the network after its projection, on the network's grid.
+    projected: FeatureMap,
     /// The channels of one layer, windowed.
     planes: Vec<f32>,
 }
 
 impl Extractor {
-    /// An extractor for search windows of `rows x cols` cells whose layers are fitted to what `window` shows.
+    /// An extractor for search windows of `rows x cols` cells whose layers are fitted to what `window` shows. Layers of
+    /// the network need one.
     pub fn fit(
         specs: &[LayerSpec],
+        cnn: Option<SharedCnn>,
         rows: usize,
         cols: usize,
         frame: &Frame,
@@ -75,27 +94,36 @@ impl Extractor {
             hog: Hog::default(),
             hog_map: FeatureMap::default(),
             names_map: FeatureMap::default(),
+            cnn,
             joined: FeatureMap::default(),
+            projected: FeatureMap::default(),
             planes: Vec::new(),
         };
-        extractor.compute(frame, window, cropper, specs);
-        for spec in specs {
-            extractor.join(&spec.features);
-            let projection = spec.components.map(|n| Projection::fit(&extractor.joined, n));
-            let mut layer = Layer { spec: spec.clone(), projection, gain: 1.0 };
-            extractor.project(&layer);
-            if let Some(energy) = spec.energy {
-                let mean = extractor.planes.iter().map(|v| v * v).sum::<f32>() / (rows * cols) as f32;
-                layer.gain = (energy / mean.max(f32::MIN_POSITIVE)).sqrt();
-            }
-            extractor.layers.push(layer);
-        }
+        extractor.maps(specs.iter(), frame, window, cropper);
+        extractor.layers = specs.iter().map(|spec| extractor.fit_layer(spec)).collect();
         extractor
+    }
+
+    fn fit_layer(&mut self, spec: &LayerSpec) -> Layer {
+        let grid = [self.rows, self.cols];
+        let (projection, channels, from) = self.with_map(&spec.source, |map, _| {
+            let projection = spec.components.map(|n| Projection::fit(map, n));
+            let channels = projection.as_ref().map_or(map.channels, Projection::outputs);
+            (projection, channels, [map.rows, map.cols])
+        });
+        let resize = (from != grid).then(|| Resize::new(from, grid));
+        let mut layer = Layer { spec: spec.clone(), projection, resize, channels, gain: 1.0 };
+        self.project(&mut layer);
+        if let Some(energy) = spec.energy {
+            let mean = self.planes.iter().map(|v| v * v).sum::<f32>() / self.hann.len() as f32;
+            layer.gain = (energy / mean.max(f32::MIN_POSITIVE)).sqrt();
+        }
+        layer
     }
 
     /// Channels of all layers together.
     pub fn channels(&self) -> usize {
-        self.layers.iter().map(channels).sum()
+        self.layers.iter().map(|layer| layer.channels).sum()
     }
 
     /// Fills `sample` with the spectra of what `window` shows.
@@ -107,16 +135,15 @@ impl Extractor {
         fft: &mut Fft2,
         sample: &mut Sample,
     ) {
-        let layers = std::mem::take(&mut self.layers);
-        self.crop(frame, window, cropper);
-        self.maps(layers.iter().flat_map(|l| &l.spec.features));
+        let mut layers = std::mem::take(&mut self.layers);
+        self.maps(layers.iter().map(|layer| &layer.spec), frame, window, cropper);
+        let channels: usize = layers.iter().map(|layer| layer.channels).sum();
         sample.layers.clear();
-        sample.spectra.resize(layers.iter().map(channels).sum::<usize>() * fft.bins(), Complex32::default());
+        sample.spectra.resize(channels * fft.bins(), Complex32::default());
         let mut first = 0;
-        for layer in &layers {
-            self.join(&layer.spec.features);
+        for layer in &mut layers {
             self.project(layer);
-            let end = first + channels(layer);
+            let end = first + layer.channels;
             let spectra = sample.spectra[first * fft.bins()..end * fft.bins()].chunks_exact_mut(fft.bins());
             for (plane, spectrum) in self.planes.chunks_exact_mut(self.hann.len()).zip(spectra) {
                 plane.iter_mut().zip(&self.hann).for_each(|(v, w)| *v *= w);
@@ -128,21 +155,40 @@ impl Extractor {
         self.layers = layers;
     }
 
-    fn compute(&mut self, frame: &Frame, window: &Rect, cropper: &mut Cropper, specs: &[LayerSpec]) {
-        self.crop(frame, window, cropper);
-        self.maps(specs.iter().flat_map(|s| &s.features));
-    }
-
-    fn crop(&mut self, frame: &Frame, window: &Rect, cropper: &mut Cropper) {
+    /// Computes each feature that the layers ask for, and runs the network once if any layer is of it.
+    fn maps<'a>(
+        &mut self,
+        specs: impl Iterator<Item = &'a LayerSpec>,
+        frame: &Frame,
+        window: &Rect,
+        cropper: &mut Cropper,
+    ) {
         cropper.crop(frame, window, self.cols * CELL, self.rows * CELL, &mut self.patch);
+        let mut network = false;
+        for spec in specs {
+            match &spec.source {
+                Source::Cells(features) => features.iter().for_each(|feature| match feature {
+                    Feature::Hog => self.hog.compute(&self.patch, &mut self.hog_map),
+                    Feature::ColourNames => colour_names::compute(&self.patch, &mut self.names_map),
+                }),
+                Source::Network(_) => network = true,
+            }
+        }
+        if network && let Some(cnn) = &self.cnn {
+            locked(cnn).compute(frame, window, cropper);
+        }
     }
 
-    /// Computes each feature that is asked for.
-    fn maps<'a>(&mut self, features: impl Iterator<Item = &'a Feature>) {
-        for feature in features {
-            match feature {
-                Feature::Hog => self.hog.compute(&self.patch, &mut self.hog_map),
-                Feature::ColourNames => colour_names::compute(&self.patch, &mut self.names_map),
+    /// Gives `work` the map of a source, and room for its projection.
+    fn with_map<T>(&mut self, source: &Source, work: impl FnOnce(&FeatureMap, &mut FeatureMap) -> T) -> T {
+        match source {
+            Source::Cells(features) => {
+                self.join(features);
+                work(&self.joined, &mut self.projected)
+            }
+            Source::Network(output) => {
+                let cnn = self.cnn.as_ref().expect("layers of the network come with one");
+                work(&locked(cnn).maps()[*output], &mut self.projected)
             }
         }
     }
@@ -161,27 +207,22 @@ impl Extractor {
         joined.channels = joined.data.len() / (self.rows * self.cols);
     }
 
-    fn project(&mut self, layer: &Layer) {
-        match &layer.projection {
-            Some(projection) => {
-                self.planes.resize(projection.outputs() * self.joined.cells(), 0.0);
-                projection.apply(&self.joined, &mut self.planes);
+    /// Fills the planes with the channels of a layer: projected first, for that is cheaper on the coarser grid.
+    fn project(&mut self, layer: &mut Layer) {
+        let mut planes = std::mem::take(&mut self.planes);
+        planes.resize(layer.channels * self.hann.len(), 0.0);
+        let Layer { spec, projection, resize, channels, gain } = layer;
+        self.with_map(&spec.source, |map, projected| match (projection, resize) {
+            (Some(projection), Some(resize)) => {
+                projected.resize(map.rows, map.cols, *channels);
+                projection.apply(map, &mut projected.data);
+                resize.apply(projected, &mut planes);
             }
-            None => self.planes.clone_from(&self.joined.data),
-        }
-        self.planes.iter_mut().for_each(|v| *v *= layer.gain);
+            (Some(projection), None) => projection.apply(map, &mut planes),
+            (None, Some(resize)) => resize.apply(map, &mut planes),
+            (None, None) => planes.copy_from_slice(&map.data),
+        });
+        planes.iter_mut().for_each(|v| *v *= *gain);
+        self.planes = planes;
     }
-}
-
-fn channels(layer: &Layer) -> usize {
-    layer.projection.as_ref().map_or_else(
-        || {
-            let of = |f: &Feature| match f {
-                Feature::Hog => hog::CHANNELS,
-                Feature::ColourNames => colour_names::CHANNELS,
-            };
-            layer.spec.features.iter().map(of).sum()
-        },
-        Projection::outputs,
-    )
 }

@@ -5,13 +5,17 @@
 //! | `hog.rs` | Felzenszwalb's histogram of oriented gradients | 31 |
 //! | `colour_names.rs` | colour names of van de Weijer et al. | 11 |
 //! | `luv.rs` | CIE LUV, and the normalised gradient magnitude | 3 and 1 |
+//! | `cnn/` | outputs of a convolutional network | as the network has |
 //! | `pca.rs` | projection of channels on to their principal components | as asked |
+//! | `resize.rs` | bilinear resampling of a map to another grid | as they are |
 
+pub mod cnn;
 pub mod colour_names;
 pub mod hog;
 pub mod layers;
 pub mod luv;
 pub mod pca;
+pub mod resize;
 
 /// Side of a cell, in pixels of the patch.
 pub const CELL: usize = 4;

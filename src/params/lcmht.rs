@@ -2,6 +2,7 @@
 //! `params/paper.yaml`.
 
 use super::table::{choice, group, groups};
+use crate::error::ParamsError;
 
 choice! {
     /// The correlation filter.
@@ -44,6 +45,81 @@ group! {
         hog_components: i64 = 16, in 1..=31; "Principal components of HOG that are kept; separate layers only."
         hog_weight: f64 = 1.0, in 0.0..=10.0; "Energy of the HOG layer; of the joint layer, the weight of its response (gamma of eq 6)."
         colour_weight: f64 = 0.5, in 0.0..=10.0; "Energy of the colour-name layer, 0 leaves it out; separate layers only."
+    }
+}
+
+choice! {
+    /// The order of a network's input channels.
+    pub enum ChannelOrder {
+        /// Red, green, blue.
+        Rgb = "rgb",
+        /// Blue, green, red.
+        Bgr = "bgr",
+    }
+}
+
+choice! {
+    /// What runs a network.
+    pub enum Inference {
+        /// ONNX Runtime where its library is named or installed, otherwise the built-in library.
+        Auto = "auto",
+        /// The built-in library.
+        Builtin = "builtin",
+        /// ONNX Runtime.
+        OnnxRuntime = "onnxruntime",
+    }
+}
+
+group! {
+    /// Layers of a convolutional network.
+    pub struct LcmhtCnn at "lcmht.cnn." {
+        enabled: bool = false; "Adds the outputs of a convolutional network to the layers."
+        file: String = ""; "ONNX file of the network; empty takes the embedded one, EfficientNet-Lite0 up to block 10."
+        side: i64 = 128, in 32..=1024, unit "px"; "Side of the network's input, to which the search window is resampled."
+        mean: Vec<f64> = vec![127.0; 3]; "What is taken from the intensities (0 to 255) of each input channel."
+        scale: Vec<f64> = vec![128.0; 3]; "What the intensities of each input channel are then divided by."
+        order: ChannelOrder = ChannelOrder::Rgb; "Order of the input channels."
+        outputs: Vec<String> = ["block4", "block10"].map(String::from); "Outputs of the network that become a layer each."
+        weights: Vec<f64> = [0.2, 0.5]; "Energy of each of these layers; with a joint hand-crafted layer, the weight of its response (gamma of eq 6)."
+        components: Vec<i64> = [8, 32]; "Principal components of each of these layers that are kept; 0 keeps all channels as they are."
+        inference: Inference = Inference::Auto; "What runs the network."
+        library: String = ""; "ONNX Runtime's shared library; empty takes what ORT_DYLIB_PATH names, otherwise the system's."
+        threads: i64 = 1, in 1..=64; "Threads that run the network."
+    }
+}
+
+impl LcmhtCnn {
+    /// Checks that the lists are as long as they must be and hold what they may.
+    pub(super) fn check(&self) -> Result<(), ParamsError> {
+        let wrong = |text: String| Err(ParamsError::Conflict(text));
+        for (name, values) in [("mean", &self.mean), ("scale", &self.scale)] {
+            if values.len() != 3 || values.iter().any(|v| !v.is_finite()) {
+                return wrong(format!("lcmht.cnn.{name} must hold 3 finite numbers, got {values:?}"));
+            }
+        }
+        if self.scale.iter().any(|&v| v <= 0.0) {
+            return wrong(format!("lcmht.cnn.scale must hold numbers above 0, got {:?}", self.scale));
+        }
+        let count = self.outputs.len();
+        if count == 0 {
+            return wrong(
+                "lcmht.cnn.outputs must name an output; lcmht.cnn.enabled switches the network off".to_owned(),
+            );
+        }
+        if self.weights.len() != count || self.components.len() != count {
+            return wrong(format!(
+                "lcmht.cnn.outputs, .weights and .components must be equally long, got {count}, {} and {}",
+                self.weights.len(),
+                self.components.len()
+            ));
+        }
+        if let Some(weight) = self.weights.iter().find(|w| !(0.0..=10.0).contains(*w)) {
+            return wrong(format!("lcmht.cnn.weights must lie in 0 to 10, got {weight}"));
+        }
+        if let Some(components) = self.components.iter().find(|&&n| n < 0) {
+            return wrong(format!("lcmht.cnn.components must not be negative, got {components}"));
+        }
+        Ok(())
     }
 }
 
@@ -147,6 +223,8 @@ groups! {
     pub struct LcmhtParams {
         /// Features and layers.
         layers: LcmhtLayers,
+        /// Layers of a convolutional network.
+        cnn: LcmhtCnn,
         /// The correlation filter.
         filter: LcmhtFilter,
         /// The scale filter.

@@ -53,6 +53,6 @@ groups! {
 impl Params {
     /// Checks what a range cannot say: values that must fit each other.
     pub(super) fn check(&self) -> Result<(), ParamsError> {
-        Ok(())
+        self.lcmht.cnn.check()
     }
 }

@@ -183,4 +183,12 @@ macro_rules! stored {
         }
     )*};
 }
-stored! { bool => Bool, i64 => Integer, f64 => Double, String => String }
+stored! {
+    bool => Bool,
+    i64 => Integer,
+    f64 => Double,
+    String => String,
+    Vec<i64> => IntegerArray,
+    Vec<f64> => DoubleArray,
+    Vec<String> => StringArray,
+}

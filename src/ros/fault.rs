@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use crate::error::ParamsError;
+use crate::error::{NetworkError, ParamsError};
 
 /// A reason to end the process. Each message is one line that holds the value at fault.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +19,9 @@ pub enum Fault {
     /// A parameter, or a file of parameters.
     #[error(transparent)]
     Params(#[from] ParamsError),
+    /// The network that the parameters name cannot be used.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
     /// DDS or the operating system refused something.
     #[error("cannot {what}: {why}")]
     System { what: String, why: String },
@@ -39,7 +42,7 @@ impl Fault {
         eprintln!("error: {}", self.to_string().replace('\n', " "));
         match self {
             Self::System { .. } | Self::Thread(_) => ExitCode::from(1),
-            Self::Argument { .. } | Self::Name { .. } | Self::Environment { .. } | Self::Params(_) => ExitCode::from(2),
+            _ => ExitCode::from(2),
         }
     }
 }

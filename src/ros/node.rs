@@ -41,6 +41,7 @@ pub fn run(args: Args) -> Result<(), Fault> {
         warn!("{warning}");
     }
 
+    let session = Session::new(settings.params.clone())?;
     // The handler is there before the node is, so that a signal always ends in an orderly way.
     let (ended, end) = unbounded();
     let signalled = ended.clone();
@@ -48,7 +49,7 @@ pub fn run(args: Args) -> Result<(), Fault> {
         .map_err(|e| Fault::system("handle signals", e))?;
 
     let name = names.node().full();
-    let threads = Threads::start(Endpoints::new(environment.context()?, names)?, settings, ended)?;
+    let threads = Threads::start(Endpoints::new(environment.context()?, names)?, session, settings, ended)?;
     info!("{name} waits for images on {image_topic}");
     let reason = end.recv_blocking();
     threads.stop();
@@ -70,10 +71,14 @@ struct Threads {
 }
 
 impl Threads {
-    fn start(mut endpoints: Endpoints, settings: Settings, ended: Sender<End>) -> Result<Self, Fault> {
+    fn start(
+        mut endpoints: Endpoints,
+        session: Session,
+        settings: Settings,
+        ended: Sender<End>,
+    ) -> Result<Self, Fault> {
         let (inbox, stats) = (Arc::new(Inbox::default()), Arc::new(Stats::default()));
         let (open, closed) = bounded(1);
-        let session = Session::new(settings.params.clone());
         let topic = endpoints.names.topic("image")?;
         let receive = Receive {
             subscription: endpoints.images(&topic, settings.image_reliability())?,

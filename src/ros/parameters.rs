@@ -9,6 +9,7 @@ use super::endpoints::ImageReliability;
 use super::fault::Fault;
 use crate::error::ParamsError;
 use crate::params::{self, Assignment, Kind, NodeName, Params, Phase, Range, Value};
+use crate::tracker;
 
 /// Names below which every node accepts parameters that concern only some of its topics.
 const QOS_OVERRIDES: &str = "qos_overrides.";
@@ -198,6 +199,7 @@ impl Store {
     pub fn change(&self, changes: &[Assignment]) -> Result<(Arc<Settings>, Vec<Assignment>), ParamsError> {
         let mut current = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let changed = Arc::new(current.with(changes, Phase::Running)?);
+        tracker::check(&current.params, &changed.params)?;
         let mut different: Vec<Assignment> = Vec::new();
         for (name, _) in changes {
             if let Some(value) = changed.get(name).filter(|v| current.get(name).as_ref() != Some(v))

@@ -77,7 +77,11 @@ impl Worker {
         }
         for command in commands {
             match command {
-                Command::Retune(params) => self.session.retune(*params),
+                Command::Retune(params) => {
+                    if let Err(why) = self.session.retune(*params) {
+                        error!("parameters refused: {why}");
+                    }
+                }
                 Command::Mark(Mark::Start(rect)) => match &newest {
                     Some(frame) => started |= self.start(frame, rect, trace),
                     None => {

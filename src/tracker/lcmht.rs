@@ -24,6 +24,8 @@ use super::{Output, State, Target, Tracker};
 use crate::crop::Cropper;
 use crate::dcf::scale::ScaleFilter;
 use crate::detect::online::{self, Detector};
+use crate::error::NetworkError;
+use crate::features::cnn::SharedCnn;
 use crate::frame::{Frame, MIN_TARGET_SIDE};
 use crate::geometry::Rect;
 use crate::learn::svm::SvmParams;
@@ -41,6 +43,8 @@ pub struct Lcmht {
     params: LcmhtParams,
     seed: u64,
     cropper: Cropper,
+    /// The network, if its layers are wanted.
+    cnn: Option<SharedCnn>,
     target: Option<Followed>,
 }
 
@@ -63,42 +67,57 @@ struct Followed {
 
 impl Lcmht {
     /// A tracker that waits for a mark.
-    pub fn new(params: &Params) -> Self {
-        Self {
+    pub fn new(params: &Params) -> Result<Self, NetworkError> {
+        Ok(Self {
             params: params.lcmht.clone(),
             seed: params.general.seed.unsigned_abs(),
             cropper: Cropper::default(),
+            cnn: appearance::network(&params.lcmht, None)?,
             target: None,
-        }
+        })
     }
+}
+
+/// Tries out the network that changed parameters name.
+pub(super) fn check(old: &LcmhtParams, new: &LcmhtParams) -> Result<(), NetworkError> {
+    if old.cnn == new.cnn { Ok(()) } else { appearance::network(new, None).map(drop) }
 }
 
 impl Tracker for Lcmht {
     fn start(&mut self, frame: &Frame, rect: Rect, trace: &mut dyn Trace) {
         trace.stage(Stage::Learn);
-        self.target = Some(Followed::new(&self.params, self.seed, frame, &mut self.cropper, rect));
+        self.target = Some(Followed::new(&self.params, self.cnn.clone(), self.seed, frame, &mut self.cropper, rect));
     }
 
     fn step(&mut self, frame: &Frame, dt: f64, trace: &mut dyn Trace, output: &mut Output) {
         let (Some(followed), Some(target)) = (&mut self.target, output.targets.first_mut()) else { return };
         if followed.is_outdated(&self.params) && followed.confidence.state() == State::Tracking {
-            followed.reshape(&self.params, self.seed, frame, &mut self.cropper, dt);
+            followed.reshape(&self.params, self.cnn.clone(), self.seed, frame, &mut self.cropper, dt);
         }
         followed.step(frame, &mut self.cropper, dt, trace);
         followed.report(target);
     }
 
-    fn retune(&mut self, params: &Params) {
+    fn retune(&mut self, params: &Params) -> Result<(), NetworkError> {
+        self.cnn = appearance::network(&params.lcmht, self.cnn.as_ref())?;
         self.params = params.lcmht.clone();
         if let Some(followed) = &mut self.target {
             followed.retune(&self.params);
         }
+        Ok(())
     }
 }
 
 impl Followed {
-    fn new(params: &LcmhtParams, seed: u64, frame: &Frame, cropper: &mut Cropper, rect: Rect) -> Self {
-        let (appearance, response) = Appearance::new(&params.filter, &params.layers, frame, cropper, &rect);
+    fn new(
+        params: &LcmhtParams,
+        cnn: Option<SharedCnn>,
+        seed: u64,
+        frame: &Frame,
+        cropper: &mut Cropper,
+        rect: Rect,
+    ) -> Self {
+        let (appearance, response) = Appearance::new(params, cnn, frame, cropper, &rect);
         let mut scale = ScaleFilter::new(&rect, params.scale.step, SCALE_AREA);
         scale.learn(frame, cropper, &rect, 1.0);
         let mut detector = Detector::new(detector_settings(&params.svm), &rect, seed);
@@ -269,7 +288,7 @@ impl Followed {
     /// Whether these parameters need other filters than there are.
     fn is_outdated(&self, params: &LcmhtParams) -> bool {
         let own = &self.params;
-        reshapes((&own.filter, &own.layers), (&params.filter, &params.layers))
+        reshapes(own, params)
             || own.motion != params.motion
             || own.phd != params.phd
             || own.scale.step != params.scale.step
@@ -277,13 +296,21 @@ impl Followed {
     }
 
     /// Builds all filters anew for other parameters, from the target where it is now.
-    fn reshape(&mut self, params: &LcmhtParams, seed: u64, frame: &Frame, cropper: &mut Cropper, dt: f64) {
+    fn reshape(
+        &mut self,
+        params: &LcmhtParams,
+        cnn: Option<SharedCnn>,
+        seed: u64,
+        frame: &Frame,
+        cropper: &mut Cropper,
+        dt: f64,
+    ) {
         let expected = inside(self.motion.predict(self.rect.centre(), dt), frame);
         let size = self.rect.size();
         self.appearance.look(frame, cropper, expected, size);
         let found = self.appearance.best(|place| self.motion.prior(expected, place));
         let (age, rect) = (self.age, Rect::around(inside(found.centre, frame), size));
-        *self = Self { age, ..Self::new(params, seed, frame, cropper, rect) };
+        *self = Self { age, ..Self::new(params, cnn, seed, frame, cropper, rect) };
     }
 }
 

@@ -4,6 +4,7 @@ pub mod lcmht;
 
 use std::sync::Arc;
 
+use crate::error::NetworkError;
 use crate::frame::Frame;
 use crate::geometry::Rect;
 use crate::params::{Algorithm, Params};
@@ -19,14 +20,21 @@ pub trait Tracker: Send {
     /// Follows the target into the next frame and writes what is known of it to `output`.
     fn step(&mut self, frame: &Frame, dt: f64, trace: &mut dyn Trace, output: &mut Output);
 
-    /// Takes over changed parameters; the track goes on.
-    fn retune(&mut self, params: &Params);
+    /// Takes over changed parameters, or says why it cannot; the track goes on.
+    fn retune(&mut self, params: &Params) -> Result<(), NetworkError>;
 }
 
-/// The tracker that the parameters name.
-pub fn build(params: &Params) -> Box<dyn Tracker> {
+/// The tracker that the parameters name, or why a file that they name cannot be used.
+pub fn build(params: &Params) -> Result<Box<dyn Tracker>, NetworkError> {
     match params.general.algorithm {
-        Algorithm::Lcmht => Box::new(lcmht::Lcmht::new(params)),
+        Algorithm::Lcmht => Ok(Box::new(lcmht::Lcmht::new(params)?)),
+    }
+}
+
+/// Whether the tracker could take over the changed parameters: why a file that they name cannot be used.
+pub fn check(old: &Params, new: &Params) -> Result<(), NetworkError> {
+    match new.general.algorithm {
+        Algorithm::Lcmht => lcmht::check(&old.lcmht, &new.lcmht),
     }
 }
 

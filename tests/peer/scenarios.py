@@ -24,6 +24,10 @@ def integer(name, value):
     return Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=value))
 
 
+def boolean(name, value):
+    return Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value))
+
+
 def text(name, value):
     return Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value))
 
@@ -195,6 +199,10 @@ def parameters():
     both = integer("debug.max_side", 50), integer("debug.jpeg_quality", 60)
     assert set_all(SetParametersAtomically, "set_parameters_atomically", *both).result.successful
     assert get("debug.max_side") == 50 and get("debug.jpeg_quality") == 60
+
+    network = text("lcmht.cnn.file", "/no/such.onnx"), boolean("lcmht.cnn.enabled", True)
+    result = set_all(SetParametersAtomically, "set_parameters_atomically", *network).result
+    assert not result.successful and "network /no/such.onnx cannot be read" in result.reason, result
     peer.close()
 
 

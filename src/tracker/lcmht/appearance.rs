@@ -1,5 +1,7 @@
 //! What the target looks like: layers of features, and the correlation filter that is trained on them.
 
+use std::sync::{Arc, Mutex};
+
 use crate::crop::Cropper;
 use crate::dcf::fft::Fft2;
 use crate::dcf::kernelised::{self, KernelisedFilter};
@@ -7,11 +9,13 @@ use crate::dcf::masked::{self, MaskedFilter};
 use crate::dcf::response::{Peak, centred, highest, local_maxima};
 use crate::dcf::sample::Sample;
 use crate::dcf::window::{label, mask};
+use crate::error::NetworkError;
 use crate::features::CELL;
-use crate::features::layers::{Extractor, Feature, LayerSpec};
+use crate::features::cnn::{self, Cnn, SharedCnn};
+use crate::features::layers::{Extractor, Feature, LayerSpec, Source};
 use crate::frame::Frame;
 use crate::geometry::Rect;
-use crate::params::{FilterKind, LcmhtFilter, LcmhtLayers, WindowShape};
+use crate::params::{FilterKind, LcmhtCnn, LcmhtFilter, LcmhtLayers, LcmhtParams, WindowShape};
 use crate::trace::{ResponseMap, Trace};
 
 /// Conjugate-gradient steps on the first sample of a masked filter.
@@ -52,19 +56,21 @@ pub(super) struct Answer {
 }
 
 impl Appearance {
-    /// Learns the target in `rect`. Gives the response to the very sample it was trained on as well.
+    /// Learns the target in `rect`. Gives the response to the very sample it was trained on as well. The network is
+    /// there if the parameters want its layers.
     pub(super) fn new(
-        settings: &LcmhtFilter,
-        layers: &LcmhtLayers,
+        params: &LcmhtParams,
+        cnn: Option<SharedCnn>,
         frame: &Frame,
         cropper: &mut Cropper,
         rect: &Rect,
     ) -> (Self, f64) {
+        let settings = &params.filter;
         let window = search_window(settings, rect.centre(), rect.size());
         let (rows, cols) = grid(settings, &window);
         let mut fft = Fft2::new(rows, cols);
-        let specs = specs(layers);
-        let extractor = Extractor::fit(&specs, rows, cols, frame, &window, cropper);
+        let (specs, weights) = specs(&params.layers, &params.cnn);
+        let extractor = Extractor::fit(&specs, cnn, rows, cols, frame, &window, cropper);
         let target = [rect.w * cols as f64 / window.w, rect.h * rows as f64 / window.h];
         let label = label(rows, cols, settings.label_sigma * (target[0] * target[1]).sqrt());
         let filter = match settings.kind {
@@ -74,7 +80,8 @@ impl Appearance {
                 Filter::Masked(MaskedFilter::new(settings, &mut fft, extractor.channels(), &label, &mask))
             }
             FilterKind::Kernelised => {
-                let settings = kernelised_settings(settings, layers);
+                let settings =
+                    kernelised::Settings { regularisation: settings.regularisation as f32, layer_weights: weights };
                 Filter::Kernelised(KernelisedFilter::new(settings, &mut fft, &label))
             }
         };
@@ -177,8 +184,20 @@ impl Appearance {
     }
 }
 
-/// Whether a change of settings needs a new filter: all but the rates do.
-pub(super) fn reshapes(old: (&LcmhtFilter, &LcmhtLayers), new: (&LcmhtFilter, &LcmhtLayers)) -> bool {
+/// The network that the parameters ask for: the one that is loaded where it is the same.
+pub(super) fn network(params: &LcmhtParams, loaded: Option<&SharedCnn>) -> Result<Option<SharedCnn>, NetworkError> {
+    if !params.cnn.enabled {
+        return Ok(None);
+    }
+    let settings = cnn::Settings::new(&params.cnn);
+    if let Some(loaded) = loaded.filter(|loaded| cnn::locked(loaded).settings() == &settings) {
+        return Ok(Some(loaded.clone()));
+    }
+    Ok(Some(Arc::new(Mutex::new(Cnn::load(settings)?))))
+}
+
+/// Whether a change of parameters needs a new filter: all but the rates do.
+pub(super) fn reshapes(old: &LcmhtParams, new: &LcmhtParams) -> bool {
     let shape = |f: &LcmhtFilter| LcmhtFilter {
         learning_rate: 0.0,
         interval: 1,
@@ -187,7 +206,7 @@ pub(super) fn reshapes(old: (&LcmhtFilter, &LcmhtLayers), new: (&LcmhtFilter, &L
         recrop: false,
         ..f.clone()
     };
-    (shape(old.0), old.1) != (shape(new.0), new.1)
+    (shape(&old.filter), &old.layers, &old.cnn) != (shape(&new.filter), &new.layers, &new.cnn)
 }
 
 fn search_window(settings: &LcmhtFilter, centre: [f64; 2], size: [f64; 2]) -> Rect {
@@ -211,22 +230,27 @@ fn grid(settings: &LcmhtFilter, window: &Rect) -> (usize, usize) {
     (side(window.h), side(window.w))
 }
 
-fn specs(layers: &LcmhtLayers) -> Vec<LayerSpec> {
+/// The layers, and the weight of each. Layers that the weights leave out are not computed.
+fn specs(layers: &LcmhtLayers, cnn: &LcmhtCnn) -> (Vec<LayerSpec>, Vec<f32>) {
+    let cells = |features: &[Feature], components| (Source::Cells(features.to_vec()), components);
+    let mut all: Vec<((Source, Option<usize>), f64)> = Vec::new();
     if layers.joint {
-        let features = vec![Feature::Hog, Feature::ColourNames];
-        return vec![LayerSpec { features, components: None, energy: None }];
+        all.push((cells(&[Feature::Hog, Feature::ColourNames], None), layers.hog_weight));
+    } else {
+        all.push((cells(&[Feature::Hog], Some(layers.hog_components as usize)), layers.hog_weight));
+        all.push((cells(&[Feature::ColourNames], Some(COLOUR_COMPONENTS)), layers.colour_weight));
     }
-    let hog = LayerSpec {
-        features: vec![Feature::Hog],
-        components: Some(layers.hog_components as usize),
-        energy: Some(layers.hog_weight as f32),
+    if cnn.enabled {
+        let outputs = cnn.components.iter().zip(&cnn.weights).enumerate();
+        all.extend(
+            outputs.map(|(output, (&n, &weight))| ((Source::Network(output), (n > 0).then_some(n as usize)), weight)),
+        );
+    }
+    let spec = |((source, components), weight): ((Source, Option<usize>), f64)| {
+        let energy = (!layers.joint).then_some(weight as f32);
+        (LayerSpec { source, components, energy }, weight as f32)
     };
-    let names = LayerSpec {
-        features: vec![Feature::ColourNames],
-        components: Some(COLOUR_COMPONENTS),
-        energy: Some(layers.colour_weight as f32),
-    };
-    if layers.colour_weight > 0.0 { vec![hog, names] } else { vec![hog] }
+    all.into_iter().filter(|(_, weight)| *weight > 0.0).map(spec).unzip()
 }
 
 /// Eleven probabilities sum to one: ten components hold them all.
@@ -237,17 +261,5 @@ fn masked_settings(settings: &LcmhtFilter) -> masked::Settings {
         memory: settings.memory as usize,
         first_weight: settings.first_weight as f32,
         regularisation: settings.regularisation as f32,
-    }
-}
-
-fn kernelised_settings(settings: &LcmhtFilter, layers: &LcmhtLayers) -> kernelised::Settings {
-    let weights = match (layers.joint, layers.colour_weight > 0.0) {
-        (true, _) => vec![layers.hog_weight],
-        (false, true) => vec![layers.hog_weight, layers.colour_weight],
-        (false, false) => vec![layers.hog_weight],
-    };
-    kernelised::Settings {
-        regularisation: settings.regularisation as f32,
-        layer_weights: weights.into_iter().map(|w| w as f32).collect(),
     }
 }

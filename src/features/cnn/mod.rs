@@ -1,0 +1,86 @@
+//! Maps of a convolutional network: any ONNX network that takes one image, and any of its outputs.
+//!
+//! The search window is resampled to the network's input size, whatever its shape, so that the maps cover just what
+//! the other features cover.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `network.rs` | what a network must be, its loading and its checks |
+//! | `rust.rs` | inference by rten, in pure Rust |
+//! | `onnxruntime.rs` | inference by ONNX Runtime, where its library is there |
+
+mod network;
+#[cfg(feature = "onnxruntime")]
+mod onnxruntime;
+mod rust;
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+pub use network::Settings;
+use network::{Loaded, load};
+
+use super::FeatureMap;
+use crate::crop::{Cropper, Patch};
+use crate::error::NetworkError;
+use crate::frame::Frame;
+use crate::geometry::Rect;
+
+/// A network that successive trackers of one session use, one at a time.
+pub type SharedCnn = Arc<Mutex<Cnn>>;
+
+/// The network behind the lock; nobody else uses it while a tracker does.
+pub fn locked(cnn: &SharedCnn) -> MutexGuard<'_, Cnn> {
+    cnn.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A network with the maps it made last.
+pub struct Cnn {
+    settings: Settings,
+    network: Loaded,
+    patch: Patch,
+    /// The input, `3 x side x side`.
+    image: Vec<f32>,
+    maps: Vec<FeatureMap>,
+}
+
+impl Cnn {
+    /// Loads the network and tries it out.
+    pub fn load(settings: Settings) -> Result<Self, NetworkError> {
+        let image = vec![0.0; 3 * settings.side * settings.side];
+        let mut maps = vec![FeatureMap::default(); settings.outputs.len()];
+        let network = load(&settings, &image, &mut maps)?;
+        Ok(Self { settings, network, patch: Patch::default(), image, maps })
+    }
+
+    /// What it was loaded by.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Computes the maps of what `window` shows. A run that fails leaves the last maps; it is logged.
+    pub fn compute(&mut self, frame: &Frame, window: &Rect, cropper: &mut Cropper) {
+        cropper.crop(frame, window, self.settings.side, self.settings.side, &mut self.patch);
+        self.prepare();
+        if let Err(why) = self.network.run(&self.image, self.settings.side, &mut self.maps) {
+            log::error!("network {}: {why}", self.settings.name());
+        }
+    }
+
+    /// The map of each output, in the order of [`Settings::outputs`].
+    pub fn maps(&self) -> &[FeatureMap] {
+        &self.maps
+    }
+
+    /// Fills the input from the patch: `(intensity - mean) / scale`, planes in the network's order. A patch without
+    /// colour is grey.
+    fn prepare(&mut self) {
+        let Settings { side, mean, scale, bgr, .. } = self.settings;
+        let planes = self.patch.planes();
+        for (channel, out) in self.image.chunks_exact_mut(side * side).enumerate() {
+            let colour = if bgr { 2 - channel } else { channel };
+            let plane = planes.get(colour).unwrap_or(&planes[0]);
+            let (mean, factor) = (mean[channel], 1.0 / scale[channel]);
+            out.iter_mut().zip(plane).for_each(|(o, &v)| *o = (f32::from(v) - mean) * factor);
+        }
+    }
+}
