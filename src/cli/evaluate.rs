@@ -19,7 +19,8 @@ use crate::params::{Assignment, Value, assignment};
 /// Prints a table for each algorithm and parameter file. precision: share of frames whose centres are at most 20 px
 /// apart; AUC: area under the success curve of 21 overlaps; held: share with an overlap above 0.1; lost: frames
 /// reported lost; recovered: losses that ended on the target (overlap above 0.3 within 10 frames); fps: frames a
-/// second of the tracker's processor time. Exit codes: 0 done, 1 a sequence failed, 2 unusable arguments.
+/// second of the tracker's processor time (where several sequences run at a time, without what a network computes in
+/// threads of its own). Exit codes: 0 done, 1 a sequence failed, 2 unusable arguments.
 #[derive(Debug, Parser)]
 #[command(name = "evaluate", version)]
 pub struct Args {

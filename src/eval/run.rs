@@ -4,7 +4,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use rustix::time::{ClockId, clock_gettime};
+pub use rustix::time::ClockId as Clock;
+use rustix::time::clock_gettime;
 
 use super::dataset::Sequence;
 use crate::error::{NetworkError, StartError};
@@ -58,7 +59,13 @@ impl Run {
 }
 
 /// Runs one set of parameters over a sequence: as many frames as have a row in the ground truth, at most `limit`.
-pub fn run(setup: &Setup, sequence: &Sequence, limit: usize, on_frame: impl Fn()) -> Result<Run, RunError> {
+pub fn run(
+    setup: &Setup,
+    sequence: &Sequence,
+    limit: usize,
+    clock: Clock,
+    on_frame: impl Fn(),
+) -> Result<Run, RunError> {
     let target = sequence.truth.first().copied().flatten().ok_or(RunError::NoTarget)?;
     let mut source = replay::open(&sequence.path)?;
     let mut session = Session::new(setup.params.clone())?;
@@ -66,13 +73,13 @@ pub fn run(setup: &Setup, sequence: &Sequence, limit: usize, on_frame: impl Fn()
     while run.outputs.len() < limit.min(sequence.truth.len()) {
         let Some(buffer) = source.next_frame()? else { break };
         let frame = buffer.frame();
-        let begun = processor_time();
+        let begun = now(clock);
         if run.outputs.is_empty() {
             session.start(&frame, target, &mut ())?;
         } else {
             session.step(&frame, &mut ());
         }
-        run.processor_time += processor_time().saturating_sub(begun);
+        run.processor_time += now(clock).saturating_sub(begun);
         run.outputs.push(session.output().clone());
         on_frame();
     }
@@ -80,7 +87,8 @@ pub fn run(setup: &Setup, sequence: &Sequence, limit: usize, on_frame: impl Fn()
 }
 
 /// Runs every set over every sequence on so many threads. The results stand by set, and within it by sequence, in
-/// the order given.
+/// the order given. On a single thread, the processor time is that of the whole process; on several it is that of each
+/// thread alone, so that what a network computes in threads of its own is not in it.
 pub fn run_all(
     setups: &[Setup],
     sequences: &[Sequence],
@@ -92,13 +100,14 @@ pub fn run_all(
         (0..sequences.len()).flat_map(|q| (0..setups.len()).map(move |s| (s, q))).collect();
     // The longest first, so that none is left over for a single thread at the end.
     jobs.sort_by_key(|&(_, q)| std::cmp::Reverse(sequences[q].truth.len()));
+    let clock = if threads > 1 { Clock::ThreadCPUTime } else { Clock::ProcessCPUTime };
     let next = AtomicUsize::new(0);
     let done = Mutex::new(Vec::with_capacity(jobs.len()));
     std::thread::scope(|scope| {
         for _ in 0..threads.min(jobs.len()) {
             scope.spawn(|| {
                 while let Some(&(s, q)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let result = run(&setups[s], &sequences[q], limit, &on_frame);
+                    let result = run(&setups[s], &sequences[q], limit, clock, &on_frame);
                     done.lock().unwrap_or_else(|e| e.into_inner()).push((s, q, result));
                 }
             });
@@ -110,7 +119,7 @@ pub fn run_all(
     setups.iter().map(|_| done.by_ref().take(sequences.len()).collect()).collect()
 }
 
-/// Processor time of this thread so far.
-fn processor_time() -> Duration {
-    Duration::try_from(clock_gettime(ClockId::ThreadCPUTime)).unwrap_or_default()
+/// What the clock shows.
+fn now(clock: Clock) -> Duration {
+    Duration::try_from(clock_gettime(clock)).unwrap_or_default()
 }

@@ -73,14 +73,14 @@ choice! {
 group! {
     /// Layers of a convolutional network.
     pub struct LcmhtCnn at "lcmht.cnn." {
-        enabled: bool = false; "Adds the outputs of a convolutional network to the layers."
+        enabled: bool = true; "Adds the outputs of a convolutional network to the layers."
         file: String = ""; "ONNX file of the network; empty takes the embedded one, EfficientNet-Lite0 up to block 10."
         side: i64 = 128, in 32..=1024, unit "px"; "Side of the network's input, to which the search window is resampled."
         mean: Vec<f64> = vec![127.0; 3]; "What is taken from the intensities (0 to 255) of each input channel."
         scale: Vec<f64> = vec![128.0; 3]; "What the intensities of each input channel are then divided by."
         order: ChannelOrder = ChannelOrder::Rgb; "Order of the input channels."
         outputs: Vec<String> = ["block4", "block10"].map(String::from); "Outputs of the network that become a layer each."
-        weights: Vec<f64> = [0.2, 0.5]; "Energy of each of these layers; with a joint hand-crafted layer, the weight of its response (gamma of eq 6)."
+        weights: Vec<f64> = [0.1, 0.2]; "Energy of each of these layers; with a joint hand-crafted layer, the weight of its response (gamma of eq 6)."
         components: Vec<i64> = [8, 32]; "Principal components of each of these layers that are kept; 0 keeps all channels as they are."
         inference: Inference = Inference::Auto; "What runs the network."
         library: String = ""; "ONNX Runtime's shared library; empty takes what ORT_DYLIB_PATH names, otherwise the system's."
