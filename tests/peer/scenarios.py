@@ -389,6 +389,52 @@ def renamed():
     peer.close()
 
 
+def endurance(node_pid, frames):
+    """Follows a target at 640 x 480 through so many frames, one after the other; prints and checks the first track's
+    delay and the node's resident memory."""
+    peer = Peer()
+    peer.scene = Scene(640, 480, (64, 80))
+    ring = [peer.message(index) for index in range(256)]
+    peer.spin_until(lambda: peer.images.get_subscription_count() and peer.marks.get_subscription_count(), "the node")
+    mark = peer.scene.box(0)
+    begun = None
+
+    def followed():
+        nonlocal begun
+        begun = begun or time.monotonic()
+        peer.mark(*mark)
+        peer.images.publish(ring[0])
+        return next((t for t in peer.tracks if t.tracks), None)
+
+    peer.spin_until(followed, "the first track")
+    delay = time.monotonic() - begun
+    frames, sizes = int(frames), []
+    for index in range(1, frames + 1):
+        # There and back again, so that the target never jumps.
+        turn = index % (2 * len(ring) - 2)
+        message = ring[min(turn, 2 * len(ring) - 2 - turn)]
+        nanos = 1_000_000_000_000 + index * 33_333_333
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(nanos, 1_000_000_000)
+        said = peer.send(message)
+        peer.detections.clear()
+        if index * 20 % frames < 20:
+            sizes.append(resident(node_pid))
+    box = box_of(said.tracks[0])
+    print(f"first track {delay:.2f} s after the first image; {frames} frames; resident {sizes} MB")
+    assert delay < 1.0, f"first track after {delay:.2f} s"
+    assert iou(box, peer.scene.box(min(turn, 2 * len(ring) - 2 - turn))) > 0.5, said
+    # The first fifth fills caches and the memory of samples.
+    assert max(sizes) < 200 and max(sizes[4:]) - sizes[4] < 3, sizes
+    peer.close()
+
+
+def resident(pid):
+    """Resident memory of a process in MB."""
+    with open(f"/proc/{pid}/status") as file:
+        line = next(line for line in file if line.startswith("VmRSS"))
+    return round(int(line.split()[1]) / 1024, 1)
+
+
 if __name__ == "__main__":
     try:
         globals()[sys.argv[1]](*sys.argv[2:])

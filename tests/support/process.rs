@@ -112,8 +112,13 @@ impl Peer {
     }
 
     /// Waits until the function has returned without a failure.
-    pub fn succeed(mut self, node: &Node) {
-        let status = wait(&mut self.0, 6 * DEADLINE);
+    pub fn succeed(self, node: &Node) {
+        self.succeed_within(6 * DEADLINE, node);
+    }
+
+    /// Waits for that as long as it may take.
+    pub fn succeed_within(mut self, limit: Duration, node: &Node) {
+        let status = wait(&mut self.0, limit);
         assert!(status.is_some_and(|s| s.success()), "the peer failed: {status:?}; the node wrote:\n{}", node.log());
     }
 }
