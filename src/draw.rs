@@ -3,6 +3,7 @@
 //!
 //! [`Scene`] is the [`Trace`] that keeps what one step shows; [`annotated`] and [`response`] draw it.
 
+use std::ops::Range;
 use std::sync::LazyLock;
 
 use ab_glyph::FontRef;
@@ -55,52 +56,54 @@ static FONT: LazyLock<FontRef<'static>> = LazyLock::new(|| {
     FontRef::try_from_slice(epaint_default_fonts::HACK_REGULAR).expect("the font that is built in can be read")
 });
 
-/// What one step shows of itself. Clear it before each step; its buffers are reused. Of what is shown more than
-/// once in a step the last stands.
+/// What one step shows of itself, of all targets. Clear it before each step; its buffers are reused.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    search_window: Option<Rect>,
-    prediction: Option<Rect>,
+    search_windows: Vec<Rect>,
+    predictions: Vec<Rect>,
     proposals: Vec<Proposal>,
-    map: Option<MapShape>,
+    maps: Vec<MapShape>,
+    /// Of all maps, one after the other.
     values: Vec<f32>,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct MapShape {
     rows: usize,
     cols: usize,
     window: Rect,
+    /// Where its values are.
+    values: Range<usize>,
 }
 
 impl Scene {
     /// Forgets the last step.
     pub fn clear(&mut self) {
-        self.search_window = None;
-        self.prediction = None;
+        self.search_windows.clear();
+        self.predictions.clear();
         self.proposals.clear();
-        self.map = None;
+        self.maps.clear();
         self.values.clear();
     }
 }
 
 impl Trace for Scene {
     fn search_window(&mut self, window: Rect) {
-        self.search_window = Some(window);
+        self.search_windows.push(window);
     }
 
     fn prediction(&mut self, rect: Rect) {
-        self.prediction = Some(rect);
+        self.predictions.push(rect);
     }
 
     fn response(&mut self, map: &ResponseMap) {
-        self.map = Some(MapShape { rows: map.rows, cols: map.cols, window: map.window });
-        self.values.clear();
+        let first = self.values.len();
         self.values.extend_from_slice(map.values);
+        let values = first..self.values.len();
+        self.maps.push(MapShape { rows: map.rows, cols: map.cols, window: map.window, values });
     }
 
     fn proposals(&mut self, proposals: &[Proposal]) {
-        self.proposals.clear();
         self.proposals.extend_from_slice(proposals);
     }
 }
@@ -111,14 +114,14 @@ impl Trace for Scene {
 pub fn annotated(frame: &Frame, output: &Output, scene: &Scene) -> RgbImage {
     let mut image = rgb(frame);
     let pen = Pen::for_image(&image);
-    if let Some(window) = scene.search_window {
-        pen.thin().outline(&mut image, &window, SEARCH_WINDOW);
+    for window in &scene.search_windows {
+        pen.thin().outline(&mut image, window, SEARCH_WINDOW);
     }
     for proposal in &scene.proposals {
         pen.thin().outline(&mut image, &proposal.rect, PROPOSAL);
     }
-    if let Some(prediction) = scene.prediction {
-        pen.thin().dashed(&mut image, &prediction, PREDICTION);
+    for prediction in &scene.predictions {
+        pen.thin().dashed(&mut image, prediction, PREDICTION);
     }
     for target in &output.targets {
         pen.outline(&mut image, &target.rect, colour(target.state));
@@ -129,33 +132,44 @@ pub fn annotated(frame: &Frame, output: &Output, scene: &Scene) -> RgbImage {
     image
 }
 
-/// The fused response map in colour, in its place over the darkened frame, with the value of its peak. Where the
-/// step made none, the darkened frame alone.
+/// The fused response maps in colour, each in its place over the darkened frame, with the values of their peaks. Where
+/// the step made none, the darkened frame alone.
 pub fn response(frame: &Frame, scene: &Scene) -> RgbImage {
     let mut image = rgb(frame);
     for value in image.iter_mut() {
         *value = (f64::from(*value) * DIMMED) as u8;
     }
-    let Some(map) = scene.map.filter(|m| m.rows > 0 && m.cols > 0 && m.window.area() > 0.0) else {
-        return image;
-    };
-    let peak = scene.values.iter().copied().fold(0.0, f32::max);
-    let span = peak.max(MIN_SPAN);
+    let maps = || scene.maps.iter().filter(|m| m.rows > 0 && m.cols > 0 && m.window.area() > 0.0);
+    for map in maps() {
+        paint(&mut image, frame, map, &scene.values[map.values.clone()]);
+    }
+    let pen = Pen::for_image(&image);
+    for map in maps() {
+        pen.thin().outline(&mut image, &map.window, SEARCH_WINDOW);
+        let peak = highest(&scene.values[map.values.clone()]);
+        pen.label(&mut image, &map.window, &format!("peak {peak:.2}"), PREDICTION);
+    }
+    image
+}
+
+fn highest(values: &[f32]) -> f32 {
+    values.iter().copied().fold(0.0, f32::max)
+}
+
+/// Lays one map over the frame.
+fn paint(image: &mut RgbImage, frame: &Frame, map: &MapShape, values: &[f32]) {
+    let span = highest(values).max(MIN_SPAN);
     let inside = map.window.intersection(&frame.bounds());
     for y in inside.y.round() as u32..(inside.y + inside.h).round() as u32 {
         let row = (f64::from(y) + 0.5 - map.window.y) / map.window.h * map.rows as f64 - 0.5;
         for x in inside.x.round() as u32..(inside.x + inside.w).round() as u32 {
             let col = (f64::from(x) + 0.5 - map.window.x) / map.window.w * map.cols as f64 - 0.5;
-            let colour = viridis(bilinear(&scene.values, &map, row, col) / span);
+            let colour = viridis(bilinear(values, map, row, col) / span);
             let below = frame.rgb(x as usize, y as usize).iter().map(|&v| f64::from(v)).sum::<f64>() / 3.0;
             let mix = |c: u8| (BELOW_MAP * below + (1.0 - BELOW_MAP) * f64::from(c)) as u8;
             image.put_pixel(x, y, Rgb(colour.map(mix)));
         }
     }
-    let pen = Pen::for_image(&image);
-    pen.thin().outline(&mut image, &map.window, SEARCH_WINDOW);
-    pen.label(&mut image, &map.window, &format!("peak {peak:.2}"), PREDICTION);
-    image
 }
 
 /// Writes a line of text in the top-left corner.

@@ -46,6 +46,12 @@ pub enum StartError {
         "box {rect} lies outside the image of {width} x {height}: {visible:.0} % of it is in view, at least {min:.0} % must be"
     )]
     Outside { rect: Rect, width: u32, height: u32, visible: f64, min: f64 },
+    /// As many targets are followed as may be.
+    #[error("{most} targets are followed already, and max_targets is {most}")]
+    Full { most: usize },
+    /// There is nothing to start again from.
+    #[error("no target has been marked yet")]
+    NoMark,
 }
 
 /// Why a set of parameters was refused. The set in force stays as it was.

@@ -3,22 +3,35 @@
 //! Commands (start, stop, restart, retune) are calls between frames, so a frame is never half of one and half of
 //! another parameter set.
 
+use std::sync::Arc;
+
 use crate::error::{NetworkError, StartError};
 use crate::frame::{Frame, Stamp};
 use crate::geometry::Rect;
 use crate::params::Params;
 use crate::trace::Trace;
-use crate::tracker::{self, Output, State, Target, Tracker};
+use crate::tracker::{self, Output, Tracker};
 
-/// A tracker with the target it was given and the rhythm of its frames.
+/// A tracker with the targets it was given and the rhythm of its frames.
 pub struct Session {
     params: Params,
     tracker: Box<dyn Tracker>,
-    mark: Option<Rect>,
+    /// Of the targets that are followed, in the order of their starts; when the last has been stopped, of those that
+    /// were stopped with it.
+    marks: Vec<Mark>,
     active: bool,
     cadence: Cadence,
     output: Output,
     next_id: u32,
+}
+
+/// Where a target was marked.
+#[derive(Clone, Debug)]
+struct Mark {
+    id: Arc<str>,
+    /// Whether the user gave the id.
+    named: bool,
+    rect: Rect,
 }
 
 impl Session {
@@ -27,7 +40,7 @@ impl Session {
         Ok(Self {
             tracker: tracker::build(&params)?,
             params,
-            mark: None,
+            marks: Vec::new(),
             active: false,
             cadence: Cadence::default(),
             output: Output::default(),
@@ -45,57 +58,88 @@ impl Session {
         self.active
     }
 
-    /// Takes up the target in `rect`. A box that cannot be followed is refused and changes nothing.
+    /// Takes up the target in `rect` under a number of its own: see [`Session::start_as`].
     pub fn start(&mut self, frame: &Frame, rect: Rect, trace: &mut dyn Trace) -> Result<&Output, StartError> {
+        self.start_as(None, frame, rect, trace)
+    }
+
+    /// Takes up the target in `rect`, on the frame that the session was stepped into last or, if no target is followed
+    /// yet, on any. A target of the same id begins anew; where a single target may be followed, the new one takes its
+    /// place. A mark that cannot be followed is refused and changes nothing.
+    pub fn start_as(
+        &mut self,
+        id: Option<&str>,
+        frame: &Frame,
+        rect: Rect,
+        trace: &mut dyn Trace,
+    ) -> Result<&Output, StartError> {
         frame.check_target(&rect)?;
-        self.tracker.start(frame, rect, trace);
-        self.cadence = Cadence::default();
-        self.cadence.advance(frame.stamp());
-        self.mark = Some(rect);
-        self.active = true;
-        self.output.targets.clear();
-        self.output.targets.push(Target {
-            id: self.next_id.to_string().into(),
-            rect,
-            velocity: [0.0; 2],
-            confidence: 1.0,
-            response: 0.0,
-            state: State::Tracking,
-            reacquired: false,
-            age: 0,
-            lost_for: 0,
-        });
-        self.next_id += 1;
+        let most = self.params.general.max_targets as usize;
+        let is_known = self.active && self.marks.iter().any(|mark| Some(&*mark.id) == id);
+        if !self.active || (most == 1 && !is_known) {
+            self.clear();
+        } else if !is_known && self.marks.len() >= most {
+            return Err(StartError::Full { most });
+        }
+        let id = id.map_or_else(|| (self.new_id(), false), |id| (id.into(), true));
+        self.begin(Mark { id: id.0, named: id.1, rect }, frame, trace);
+        self.report();
         Ok(&self.output)
     }
 
-    /// Forgets the target.
+    /// Takes up the targets of the last marks again, each where it was marked; all of them or, where one cannot be
+    /// followed in this frame, none.
+    pub fn restart(&mut self, frame: &Frame, trace: &mut dyn Trace) -> Result<&Output, StartError> {
+        if self.marks.is_empty() {
+            return Err(StartError::NoMark);
+        }
+        self.marks.iter().try_for_each(|mark| frame.check_target(&mark.rect))?;
+        let marks = self.marks.clone();
+        self.clear();
+        for mark in marks {
+            let id = if mark.named { mark.id } else { self.new_id() };
+            self.begin(Mark { id, ..mark }, frame, trace);
+        }
+        self.report();
+        Ok(&self.output)
+    }
+
+    /// Forgets all targets.
     pub fn stop(&mut self) {
+        self.marks.iter().for_each(|mark| self.tracker.stop(&mark.id));
         self.active = false;
         self.output.targets.clear();
     }
 
-    /// The box of the last mark, to start from again; `None` before the first.
-    pub fn mark(&self) -> Option<Rect> {
-        self.mark
+    /// Forgets one target; says whether there was one of this id.
+    pub fn stop_target(&mut self, id: &str) -> bool {
+        let Some(at) = self.marks.iter().position(|mark| &*mark.id == id).filter(|_| self.active) else {
+            return false;
+        };
+        if self.marks.len() == 1 {
+            self.stop();
+        } else {
+            self.marks.remove(at);
+            self.tracker.stop(id);
+            self.report();
+        }
+        true
     }
 
     /// Takes over changed parameters from the next frame on; what is fixed stays as it was. Parameters that name a file
-    /// that cannot be used are refused, and nothing changes.
+    /// that cannot be used are refused, and nothing changes. Targets beyond a smaller `max_targets` are kept.
     pub fn retune(&mut self, params: Params) -> Result<(), NetworkError> {
         self.tracker.retune(&params)?;
         self.params = params;
         Ok(())
     }
 
-    /// Follows the target into the next frame. Without a target the output is empty and nothing is computed.
+    /// Follows the targets into the next frame. Without a target the output is empty and nothing is computed.
     pub fn step(&mut self, frame: &Frame, trace: &mut dyn Trace) -> &Output {
         if self.active {
             let dt = self.cadence.advance(frame.stamp());
-            self.tracker.step(frame, dt, trace, &mut self.output);
-            for target in &mut self.output.targets {
-                target.velocity = target.velocity.map(|v| v * self.cadence.frame_rate());
-            }
+            self.tracker.step(frame, dt, trace);
+            self.report();
         }
         &self.output
     }
@@ -103,6 +147,40 @@ impl Session {
     /// What was said of the last frame.
     pub fn output(&self) -> &Output {
         &self.output
+    }
+
+    fn new_id(&mut self) -> Arc<str> {
+        let taken = |id: &str| self.marks.iter().any(|mark| &*mark.id == id);
+        loop {
+            let id = self.next_id.to_string();
+            self.next_id += 1;
+            if !taken(&id) {
+                return id.into();
+            }
+        }
+    }
+
+    fn clear(&mut self) {
+        self.stop();
+        self.marks.clear();
+    }
+
+    fn begin(&mut self, mark: Mark, frame: &Frame, trace: &mut dyn Trace) {
+        self.marks.retain(|other| other.id != mark.id);
+        if self.marks.is_empty() {
+            self.cadence = Cadence::default();
+            self.cadence.advance(frame.stamp());
+        }
+        self.tracker.start(&mark.id, frame, mark.rect, trace);
+        self.marks.push(mark);
+        self.active = true;
+    }
+
+    fn report(&mut self) {
+        self.tracker.report(&mut self.output);
+        for target in &mut self.output.targets {
+            target.velocity = target.velocity.map(|v| v * self.cadence.frame_rate());
+        }
     }
 }
 

@@ -26,6 +26,7 @@ group! {
     pub struct General at "" {
         algorithm: Algorithm = Algorithm::Lcmht, @fixed; "The tracker that follows the target."
         image_transport: ImageTransport = ImageTransport::Raw, @fixed; "How images arrive."
+        max_targets: i64 = 1, in 1..=64; "Targets that are followed at the same time. With 1, a new mark takes the place of the last; with more, it adds a target until there are as many."
         seed: i64 = 0, in 0..=i64::MAX, @fixed; "Seed of every random choice; the same seed gives the same boxes."
     }
 }

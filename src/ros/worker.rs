@@ -148,10 +148,10 @@ impl Worker {
     }
 
     fn restart(&mut self, newest: Option<&Received>, trace: &mut dyn Trace) -> Result<String, String> {
-        let rect = self.session.mark().ok_or("no target has been marked yet")?;
         let frame = newest.ok_or("no image has come yet")?;
-        self.session.start(&frame.frame(), rect, trace).map_err(|why| why.to_string())?;
-        let message = format!("restarted: {rect}");
+        let output = self.session.restart(&frame.frame(), trace).map_err(|why| why.to_string())?;
+        let boxes: Vec<_> = output.targets.iter().map(|target| target.rect.to_string()).collect();
+        let message = format!("restarted: {}", boxes.join(", "));
         info!("{message}");
         Ok(message)
     }

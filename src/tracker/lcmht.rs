@@ -20,6 +20,8 @@ mod appearance;
 mod confidence;
 mod motion;
 
+use std::sync::Arc;
+
 use super::{Output, State, Target, Tracker};
 use crate::crop::Cropper;
 use crate::dcf::scale::ScaleFilter;
@@ -45,11 +47,13 @@ pub struct Lcmht {
     cropper: Cropper,
     /// The network, if its layers are wanted.
     cnn: Option<SharedCnn>,
-    target: Option<Followed>,
+    /// In the order of their starts.
+    targets: Vec<Followed>,
 }
 
-/// The target and all that is known of it.
+/// A target and all that is known of it.
 struct Followed {
+    id: Arc<str>,
     params: LcmhtParams,
     rect: Rect,
     appearance: Appearance,
@@ -73,7 +77,7 @@ impl Lcmht {
             seed: params.general.seed.unsigned_abs(),
             cropper: Cropper::default(),
             cnn: appearance::network(&params.lcmht, None)?,
-            target: None,
+            targets: Vec::new(),
         })
     }
 }
@@ -84,32 +88,50 @@ pub(super) fn check(old: &LcmhtParams, new: &LcmhtParams) -> Result<(), NetworkE
 }
 
 impl Tracker for Lcmht {
-    fn start(&mut self, frame: &Frame, rect: Rect, trace: &mut dyn Trace) {
+    fn start(&mut self, id: &Arc<str>, frame: &Frame, rect: Rect, trace: &mut dyn Trace) {
         trace.stage(Stage::Learn);
-        self.target = Some(Followed::new(&self.params, self.cnn.clone(), self.seed, frame, &mut self.cropper, rect));
+        let Self { params, seed, cropper, cnn, .. } = self;
+        let followed = Followed::new(id.clone(), params, cnn.clone(), *seed, frame, cropper, rect);
+        self.stop(id);
+        self.targets.push(followed);
     }
 
-    fn step(&mut self, frame: &Frame, dt: f64, trace: &mut dyn Trace, output: &mut Output) {
-        let (Some(followed), Some(target)) = (&mut self.target, output.targets.first_mut()) else { return };
-        if followed.is_outdated(&self.params) && followed.confidence.state() == State::Tracking {
-            followed.reshape(&self.params, self.cnn.clone(), self.seed, frame, &mut self.cropper, dt);
+    fn stop(&mut self, id: &str) {
+        self.targets.retain(|target| &*target.id != id);
+    }
+
+    fn catch_up(&mut self, id: &str, frame: &Frame, dt: f64, trace: &mut dyn Trace) {
+        if let Some(target) = self.targets.iter_mut().find(|target| &*target.id == id) {
+            target.step(frame, &mut self.cropper, dt, trace);
         }
-        followed.step(frame, &mut self.cropper, dt, trace);
-        followed.report(target);
+    }
+
+    fn step(&mut self, frame: &Frame, dt: f64, trace: &mut dyn Trace) {
+        let Self { params, seed, cropper, cnn, targets } = self;
+        for target in targets {
+            if target.is_outdated(params) && target.confidence.state() == State::Tracking {
+                target.reshape(params, cnn.clone(), *seed, frame, cropper, dt);
+            }
+            target.step(frame, cropper, dt, trace);
+        }
+    }
+
+    fn report(&self, output: &mut Output) {
+        output.targets.clear();
+        output.targets.extend(self.targets.iter().map(Followed::report));
     }
 
     fn retune(&mut self, params: &Params) -> Result<(), NetworkError> {
         self.cnn = appearance::network(&params.lcmht, self.cnn.as_ref())?;
         self.params = params.lcmht.clone();
-        if let Some(followed) = &mut self.target {
-            followed.retune(&self.params);
-        }
+        self.targets.iter_mut().for_each(|target| target.retune(&self.params));
         Ok(())
     }
 }
 
 impl Followed {
     fn new(
+        id: Arc<str>,
         params: &LcmhtParams,
         cnn: Option<SharedCnn>,
         seed: u64,
@@ -123,6 +145,7 @@ impl Followed {
         let mut detector = Detector::new(detector_settings(&params.svm), &rect, seed);
         detector.learn(frame, cropper, &rect);
         Self {
+            id,
             rect,
             appearance,
             scale,
@@ -265,15 +288,18 @@ impl Followed {
         self.age.is_multiple_of(self.params.filter.interval as u32)
     }
 
-    fn report(&self, target: &mut Target) {
-        target.rect = self.rect;
-        target.velocity = self.motion.velocity();
-        target.confidence = self.confidence.quality(self.response).clamp(0.0, 1.0) as f32;
-        target.response = self.response as f32;
-        target.state = self.confidence.state();
-        target.reacquired = self.reacquired;
-        target.age = self.age;
-        target.lost_for = self.lost_for;
+    fn report(&self) -> Target {
+        Target {
+            id: self.id.clone(),
+            rect: self.rect,
+            velocity: self.motion.velocity(),
+            confidence: self.confidence.quality(self.response).clamp(0.0, 1.0) as f32,
+            response: self.response as f32,
+            state: self.confidence.state(),
+            reacquired: self.reacquired,
+            age: self.age,
+            lost_for: self.lost_for,
+        }
     }
 
     fn retune(&mut self, params: &LcmhtParams) {
@@ -310,7 +336,7 @@ impl Followed {
         self.appearance.look(frame, cropper, expected, size);
         let found = self.appearance.best(|place| self.motion.prior(expected, place));
         let (age, rect) = (self.age, Rect::around(inside(found.centre, frame), size));
-        *self = Self { age, ..Self::new(params, cnn, seed, frame, cropper, rect) };
+        *self = Self { age, ..Self::new(self.id.clone(), params, cnn, seed, frame, cropper, rect) };
     }
 }
 

@@ -10,15 +10,25 @@ use crate::geometry::Rect;
 use crate::params::{Algorithm, Params};
 use crate::trace::Trace;
 
-/// A single- or multi-target tracker.
+/// A tracker of one target or of several.
 ///
 /// Frames come in order. `dt` is the time since the frame before, in frame periods (1 where none was skipped).
 pub trait Tracker: Send {
-    /// Takes up the target in `rect`, which has been checked against the frame, and forgets any other.
-    fn start(&mut self, frame: &Frame, rect: Rect, trace: &mut dyn Trace);
+    /// Takes up the target in `rect`, which has been checked against the frame, beside those that are followed already.
+    /// One of the same id is begun anew.
+    fn start(&mut self, id: &Arc<str>, frame: &Frame, rect: Rect, trace: &mut dyn Trace);
 
-    /// Follows the target into the next frame and writes what is known of it to `output`.
-    fn step(&mut self, frame: &Frame, dt: f64, trace: &mut dyn Trace, output: &mut Output);
+    /// Forgets the target of this id.
+    fn stop(&mut self, id: &str);
+
+    /// Follows one target into a frame that the others have been followed into already.
+    fn catch_up(&mut self, id: &str, frame: &Frame, dt: f64, trace: &mut dyn Trace);
+
+    /// Follows all targets into the next frame.
+    fn step(&mut self, frame: &Frame, dt: f64, trace: &mut dyn Trace);
+
+    /// Writes what is known of each target, in the order of their starts.
+    fn report(&self, output: &mut Output);
 
     /// Takes over changed parameters, or says why it cannot; the track goes on.
     fn retune(&mut self, params: &Params) -> Result<(), NetworkError>;
@@ -87,6 +97,6 @@ pub struct Target {
 /// What a tracker says of one frame.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Output {
-    /// One for trackers of a marked target; none before the mark.
+    /// In the order of their starts; none before the first mark.
     pub targets: Vec<Target>,
 }
