@@ -53,6 +53,11 @@ fn bad_input_is_told_and_changes_nothing() {
 }
 
 #[test]
+fn the_node_tells_of_its_health() {
+    scenario("diagnostics", &[]);
+}
+
+#[test]
 fn every_encoding_is_tracked() {
     scenario("encodings", &[]);
 }

@@ -90,9 +90,14 @@ fn range(value: Option<String>) -> Result<Reach, Fault> {
     }
 }
 
+/// Bytes that the kernel allows a receive buffer, where it tells.
+pub fn receive_buffer_limit() -> Option<usize> {
+    std::fs::read_to_string(RMEM_MAX).ok()?.trim().parse().ok()
+}
+
 /// What to do where the kernel's receive buffers are too small for images; `None` where they are not.
 pub fn buffer_warning() -> Option<String> {
-    let limit: usize = std::fs::read_to_string(RMEM_MAX).ok()?.trim().parse().ok()?;
+    let limit = receive_buffer_limit()?;
     (limit < ENOUGH_RMEM).then(|| {
         format!(
             "the kernel allows receive buffers of {limit} bytes only, and large images will be lost; run: \

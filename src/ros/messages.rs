@@ -73,6 +73,16 @@ messages! {
     }
     "vision_msgs" / Detection2DArray { header: Header, detections: Vec<Detection2D> }
 
+    "diagnostic_msgs" / KeyValue { key: String, value: String }
+    "diagnostic_msgs" / DiagnosticStatus {
+        level: u8,
+        name: String,
+        message: String,
+        hardware_id: String,
+        values: Vec<KeyValue>,
+    }
+    "diagnostic_msgs" / DiagnosticArray { header: Header, status: Vec<DiagnosticStatus> }
+
     "long_term_tracker" / Track {
         id: String,
         state: u8,

@@ -10,16 +10,17 @@
 //! | receive | [`receive`] | the next image; overwrites the one slot of the inbox |
 //! | worker | [`worker`] | the inbox: the newest image and commands; steps the session, publishes tracks |
 //! | debug | [`debug`] | a frame to draw, which the worker hands over only while somebody looks |
-//! | spin | [`commands`], [`parameter_services`], [`service`] | discovery, marks and service calls |
+//! | spin | [`commands`], [`parameter_services`], [`service`], [`diagnostics`] | discovery, marks, service calls, a clock |
 //!
 //! [`messages`] are the types on the wire, [`convert`] goes from them to the core's types and back, [`logging`] sends
-//! log lines to the terminal and to `/rosout`, [`stats`] counts.
+//! log lines to the terminal and to `/rosout`, [`stats`] counts, and [`diagnostics`] tells of it.
 
 pub mod answers;
 pub mod args;
 pub mod commands;
 pub mod convert;
 pub mod debug;
+pub mod diagnostics;
 pub mod endpoints;
 pub mod env;
 pub mod fault;

@@ -10,6 +10,7 @@ use smol::channel::{Receiver, Sender, bounded, unbounded};
 use super::args::Args;
 use super::commands::Commands;
 use super::debug::{Feed, View};
+use super::diagnostics::Diagnostics;
 use super::endpoints::Endpoints;
 use super::env::{self, Environment};
 use super::fault::Fault;
@@ -94,6 +95,7 @@ impl Threads {
         let views = (View::new(&mut endpoints, "~/debug/image")?, View::new(&mut endpoints, "~/debug/response")?);
         let commands = Commands::new(&mut endpoints, inbox.clone())?;
         let parameters = ParameterServices::new(&mut endpoints, store, inbox.clone())?;
+        let diagnostics = Diagnostics::new(&mut endpoints, stats.clone())?;
         let spinner = endpoints.node.spinner().map_err(|e| Fault::system("spin the node", e))?;
         let node = Arc::new(endpoints.node);
         logging::to_rosout(node.logging_handle());
@@ -102,8 +104,8 @@ impl Threads {
             Worker { inbox: inbox.clone(), session, tracks, detections, debug: feed.clone(), stats: stats.clone() };
         let spin = move || {
             let work = async {
-                let (spun, (), ()) = futures::join!(spinner.spin(), commands.serve(), parameters.serve());
-                if let Err(why) = spun {
+                let served = futures::join!(spinner.spin(), commands.serve(), parameters.serve(), diagnostics.serve());
+                if let Err(why) = served.0 {
                     error!("discovery ended: {why}");
                 }
             };

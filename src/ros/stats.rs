@@ -1,9 +1,11 @@
 //! Counts and times of a node since its start.
 
 use std::fmt;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
+
+use crate::tracker::{State, Target};
 
 /// How many of the latest times are kept.
 const WINDOW: usize = 4096;
@@ -23,11 +25,41 @@ pub struct Stats {
     pub published: AtomicU64,
     /// Messages that could not be published.
     pub unsent: AtomicU64,
+    /// Targets on the latest image: tracking, uncertain, lost.
+    targets: [AtomicUsize; 3],
     times: Mutex<Times>,
+}
+
+/// Shortest, mean and longest of some times, in nanoseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Span {
+    count: u32,
+    sum: i64,
+    shortest: i64,
+    longest: i64,
+}
+
+impl Span {
+    fn add(&mut self, value: i64) {
+        self.shortest = if self.count == 0 { value } else { self.shortest.min(value) };
+        self.longest = if self.count == 0 { value } else { self.longest.max(value) };
+        self.count += 1;
+        self.sum += value;
+    }
+}
+
+impl fmt::Display for Span {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ms = |nanos: i64| nanos as f64 / 1e6;
+        let mean = ms(self.sum) / f64::from(self.count.max(1));
+        write!(f, "{:.2} / {mean:.2} / {:.2}", ms(self.shortest), ms(self.longest))
+    }
 }
 
 #[derive(Debug, Default)]
 struct Times {
+    /// From arrival to publication, since they were last asked for.
+    latest: Span,
     /// From an image's arrival to its message, without the tracker's own time.
     overhead: Ring,
     /// The tracker's own time.
@@ -71,8 +103,28 @@ impl Stats {
         count(&self.published, 1);
         let processing = i64::try_from(processing.as_nanos()).unwrap_or(i64::MAX);
         let mut times = self.times.lock().unwrap_or_else(PoisonError::into_inner);
+        times.latest.add(latency);
         times.overhead.push(latency - processing);
         times.processing.push(processing);
+    }
+}
+
+impl Stats {
+    /// Notes the state of each target on the latest image.
+    pub fn states(&self, targets: &[Target]) {
+        for (state, counter) in [State::Tracking, State::Uncertain, State::Lost].into_iter().zip(&self.targets) {
+            counter.store(targets.iter().filter(|t| t.state == state).count(), Relaxed);
+        }
+    }
+
+    /// How many targets are tracked, uncertain and lost.
+    pub fn targets(&self) -> [usize; 3] {
+        [0, 1, 2].map(|i| self.targets[i].load(Relaxed))
+    }
+
+    /// The times from arrival to publication since the last call.
+    pub fn take_latency(&self) -> Span {
+        std::mem::take(&mut self.times.lock().unwrap_or_else(PoisonError::into_inner).latest)
     }
 }
 

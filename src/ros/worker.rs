@@ -158,6 +158,7 @@ impl Worker {
 
     fn publish(&self, frame: &Received, skipped: u32, processing: Duration, memory: &mut Memory) {
         let output = self.session.output();
+        self.stats.states(&output.targets);
         let algorithm = self.session.params().general.algorithm.name();
         let message = tracks(frame.header(), algorithm, output, skipped, processing);
         let mut unsent = Vec::new();

@@ -8,6 +8,7 @@ import sys
 import traceback
 import zlib
 
+from diagnostic_msgs.msg import DiagnosticArray
 from peer import *  # noqa: F403
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue, Log
 from rcl_interfaces.srv import (
@@ -386,6 +387,48 @@ def renamed():
     values = peer.call(GetParameters, "/robot/front/eye/get_parameters", request).values
     assert [v.integer_value for v in values] == [11, 100, 77], values
     assert peer.call(Trigger, "/robot/halt").success
+    peer.close()
+
+
+def diagnostics():
+    """Once a second, the counts of images and the states of targets; what goes wrong is a warning."""
+    peer = Peer()
+    told = peer.listen(DiagnosticArray, "/diagnostics", 10)
+
+    def latest(part):
+        status = next((s for m in told[::-1] for s in m.status if s.name == f"tracker: {part}"), None)
+        return status and (status.level, status.message, {v.key: v.value for v in status.values})
+
+    peer.spin_until(lambda: latest("images"), "diagnostics")
+    assert latest("images")[:2] == (b"\x01", "no image on /image"), latest("images")
+    assert latest("targets")[:2] == (b"\x00", "no target"), latest("targets")
+    assert int(latest("network")[2]["receive buffer limit (bytes)"]) > 0
+    peer.connect()
+    peer.start()
+
+    def healthy():
+        peer.follow(5)
+        return latest("images")[0] == b"\x00" and latest("targets")[1] == "1 tracking"
+
+    peer.spin_until(healthy, "an image rate and a target")
+    _, _, values = latest("images")
+    assert float(values["rate (Hz)"]) > 1 and int(values["received"]) > 5 and values["refused"] == "0", values
+    _, _, values = latest("targets")
+    shortest, mean, longest = map(float, values["latency, min / mean / max (ms)"].split(" / "))
+    assert 0 < shortest <= mean <= longest < 1000 and values["tracking"] == "1", values
+
+    broken = peer.message(peer.index)
+    broken.step -= 1
+
+    def refused():
+        peer.images.publish(broken)
+        peer.executor.spin_once(timeout_sec=0.1)
+        return latest("images")[0] == b"\x01" and "refused" in latest("images")[1]
+
+    peer.spin_until(refused, "a warning of refused images")
+    stamps = [m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in told]
+    gaps = np.diff(stamps)
+    assert len(gaps) >= 2 and 0.7 < np.median(gaps) < 1.3, gaps
     peer.close()
 
 
