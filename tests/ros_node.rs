@@ -58,6 +58,16 @@ fn the_node_tells_of_its_health() {
 }
 
 #[test]
+fn debug_images_come_at_the_frame_rate() {
+    let domain = domain();
+    let node = Node::start(domain, &["--ros-args", "-p", "lcmht.cnn.enabled:=false"]);
+    Peer::start(domain, "debug_rate", &["5", "0.95"]).succeed(&node);
+    node.signal("INT");
+    let (_, log) = node.finish();
+    println!("{log}");
+}
+
+#[test]
 fn every_encoding_is_tracked() {
     scenario("encodings", &[]);
 }

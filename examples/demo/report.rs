@@ -65,7 +65,7 @@ fn annotated(image: &RgbImage, message: Option<&TrackArray>, index: usize) -> Rg
     let (width, height) = image.dimensions();
     let frame = Frame::new(image, width, height, 3 * width as usize, Encoding::Rgb8, None)
         .expect("a decoded image holds its pixels");
-    let mut drawn = draw::annotated(&frame, &Output { targets }, &Scene::default());
+    let mut drawn = draw::annotated(&frame, &Output { targets }, &Scene::default(), u32::MAX);
     draw::heading(&mut drawn, &format!("frame {index}"));
     drawn
 }

@@ -166,7 +166,7 @@ impl Pictures {
     }
 
     fn write(&self, number: usize, frame: &Frame, output: &Output, scene: &Scene) -> Result<(), Error> {
-        let (left, right) = (draw::annotated(frame, output, scene), draw::response(frame, scene));
+        let (left, right) = (draw::annotated(frame, output, scene, u32::MAX), draw::response(frame, scene, u32::MAX));
         let mut both = RgbImage::new(left.width() + right.width(), left.height());
         imageops::replace(&mut both, &left, 0, 0);
         imageops::replace(&mut both, &right, i64::from(left.width()), 0);

@@ -35,6 +35,7 @@ group! {
     /// Debug images.
     pub struct Debug at "debug." {
         max_side: i64 = 208, in 16..=4096, unit "px"; "Largest side of raw debug images; larger frames are scaled down, for default DDS peers lose images of more than 130 KB."
+        compressed_max_side: i64 = 640, in 16..=65536, unit "px"; "Largest side of compressed debug images; larger frames are scaled down."
         jpeg_quality: i64 = 80, in 1..=100; "JPEG quality of compressed debug images."
     }
 }

@@ -1,5 +1,7 @@
 //! The debug thread: draws what the tracker saw and did, and publishes it, raw and as JPEG, while somebody looks.
 
+use std::borrow::Cow;
+use std::collections::VecDeque;
 use std::io::Cursor;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
@@ -10,13 +12,20 @@ use log::warn;
 use ros2_client::{Node, Publisher};
 
 use super::convert::Received;
-
 use super::endpoints::Endpoints;
 use super::fault::Fault;
 use super::messages::{CompressedImage, Header, Image};
 use crate::draw::{self, Scene};
 use crate::params::Debug;
 use crate::tracker::Output;
+
+/// Frames that are recorded, wait or are drawn at the same time. More than one, so that one that takes long delays the
+/// next instead of losing it.
+const SCENES: usize = 3;
+/// Larger messages overflow the receive buffer of a peer with default settings.
+const MOST_BYTES: usize = 120_000;
+/// JPEG quality below which a picture is of no use.
+const LEAST_QUALITY: u8 = 10;
 
 /// A frame to draw, with all that is known of it.
 pub struct Job {
@@ -30,16 +39,17 @@ pub struct Job {
     pub debug: Debug,
 }
 
-struct Slot {
-    /// Waits to be drawn.
-    job: Option<Job>,
-    /// The one scene there is, while no frame is recorded or drawn in it.
-    scene: Option<Scene>,
+#[derive(Default)]
+struct Queue {
+    /// What waits to be drawn: at most as many as there are scenes.
+    jobs: VecDeque<Job>,
+    /// Those of the [`SCENES`] in which no frame is recorded or drawn.
+    scenes: Vec<Scene>,
     closed: bool,
 }
 
 struct Shared {
-    slot: Mutex<Slot>,
+    queue: Mutex<Queue>,
     changed: Condvar,
     image: View,
     response: View,
@@ -47,8 +57,8 @@ struct Shared {
 }
 
 impl Shared {
-    fn lock(&self) -> MutexGuard<'_, Slot> {
-        self.slot.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -72,14 +82,28 @@ impl View {
         [self.raw.get_subscription_count(node) > 0, self.compressed.get_subscription_count(node) > 0]
     }
 
-    fn publish(&self, picture: &RgbImage, wanted: [bool; 2], header: &Header, debug: &Debug) -> Result<(), String> {
-        let [raw, compressed] = wanted;
+    /// Draws by `draw`, which takes the largest side of the picture, and publishes where somebody looks.
+    fn publish(
+        &self,
+        node: &Node,
+        draw: impl FnOnce(u32) -> RgbImage,
+        header: &Header,
+        debug: &Debug,
+    ) -> Result<(), String> {
+        let [raw, compressed] = self.wanted(node);
+        if !raw && !compressed {
+            return Ok(());
+        }
+        let sides = [(raw, debug.max_side), (compressed, debug.compressed_max_side)];
+        let side = sides.into_iter().filter(|(wanted, _)| *wanted).map(|(_, side)| side).max().unwrap_or(0) as u32;
+        let picture = draw(side);
         if raw {
-            let message = raw_image(picture, header, debug.max_side as u32);
+            let message = raw_image(&scaled(&picture, debug.max_side as u32), header);
             self.raw.publish(message).map_err(|e| e.to_string())?;
         }
         if compressed {
-            let message = jpeg(picture, header, debug.jpeg_quality as u8).map_err(|e| e.to_string())?;
+            let picture = scaled(&picture, debug.compressed_max_side as u32);
+            let message = jpeg(&picture, header, debug.jpeg_quality as u8).map_err(|e| e.to_string())?;
             self.compressed.publish(message).map_err(|e| e.to_string())?;
         }
         Ok(())
@@ -93,15 +117,15 @@ pub struct Feed(Arc<Shared>);
 impl Feed {
     /// A feed for the two pictures.
     pub fn new(node: Arc<Node>, image: View, response: View) -> Self {
-        let slot = Slot { job: None, scene: Some(Scene::default()), closed: false };
-        Self(Arc::new(Shared { slot: Mutex::new(slot), changed: Condvar::new(), image, response, node }))
+        let queue = Queue { scenes: vec![Scene::default(); SCENES], ..Queue::default() };
+        Self(Arc::new(Shared { queue: Mutex::new(queue), changed: Condvar::new(), image, response, node }))
     }
 
-    /// A scene to record the next frame in, if somebody looks and the thread has drawn the last one.
+    /// A scene to record the next frame in, if somebody looks and the thread keeps up.
     pub fn scene(&self) -> Option<Scene> {
         let Shared { image, response, node, .. } = &*self.0;
         let looked_at = [image, response].into_iter().any(|view| view.wanted(node) != [false; 2]);
-        looked_at.then(|| self.0.lock().scene.take()).flatten().map(|mut scene| {
+        looked_at.then(|| self.0.lock().scenes.pop()).flatten().map(|mut scene| {
             scene.clear();
             scene
         })
@@ -109,12 +133,12 @@ impl Feed {
 
     /// Gives back a scene in which nothing was recorded.
     pub fn keep(&self, scene: Scene) {
-        self.0.lock().scene = Some(scene);
+        self.0.lock().scenes.push(scene);
     }
 
     /// Hands over a recorded frame.
     pub fn submit(&self, job: Job) {
-        self.0.lock().job = Some(job);
+        self.0.lock().jobs.push_back(job);
         self.0.changed.notify_one();
     }
 
@@ -135,34 +159,32 @@ impl Feed {
     }
 
     fn wait(&self) -> Option<Job> {
-        let idle = |slot: &mut Slot| !slot.closed && slot.job.is_none();
-        let mut slot = self.0.changed.wait_while(self.0.lock(), idle).unwrap_or_else(PoisonError::into_inner);
-        if slot.closed { None } else { slot.job.take() }
+        let idle = |queue: &mut Queue| !queue.closed && queue.jobs.is_empty();
+        let mut queue = self.0.changed.wait_while(self.0.lock(), idle).unwrap_or_else(PoisonError::into_inner);
+        if queue.closed { None } else { queue.jobs.pop_front() }
     }
 
     fn draw(&self, job: &Job) -> Result<(), String> {
         let Shared { image, response, node, .. } = &*self.0;
+        let Job { output, scene, debug, .. } = job;
         let (frame, header) = (job.frame.frame(), job.frame.header());
-        let wanted = image.wanted(node);
-        if wanted != [false; 2] {
-            image.publish(&draw::annotated(&frame, &job.output, &job.scene), wanted, header, &job.debug)?;
-        }
-        let wanted = response.wanted(node);
-        if wanted != [false; 2] {
-            response.publish(&draw::response(&frame, &job.scene), wanted, header, &job.debug)?;
-        }
-        Ok(())
+        image.publish(node, |side| draw::annotated(&frame, output, scene, side), header, debug)?;
+        response.publish(node, |side| draw::response(&frame, scene, side), header, debug)
     }
 }
 
-/// The picture as bgr8, scaled down where a side is longer than `max_side`.
-fn raw_image(picture: &RgbImage, header: &Header, max_side: u32) -> Image {
+/// The picture, smaller where a side is longer than `max_side`.
+fn scaled(picture: &RgbImage, max_side: u32) -> Cow<'_, RgbImage> {
     let longest = picture.width().max(picture.height());
-    let scaled = (longest > max_side).then(|| {
-        let side = |s: u32| (u64::from(s) * u64::from(max_side) / u64::from(longest)).max(1) as u32;
-        thumbnail(picture, side(picture.width()), side(picture.height()))
-    });
-    let picture = scaled.as_ref().unwrap_or(picture);
+    if longest <= max_side {
+        return Cow::Borrowed(picture);
+    }
+    let side = |s: u32| (u64::from(s) * u64::from(max_side) / u64::from(longest)).max(1) as u32;
+    Cow::Owned(thumbnail(picture, side(picture.width()), side(picture.height())))
+}
+
+/// The picture as bgr8.
+fn raw_image(picture: &RgbImage, header: &Header) -> Image {
     let data = picture.pixels().flat_map(|p| [p[2], p[1], p[0]]).collect();
     Image {
         header: header.clone(),
@@ -175,10 +197,17 @@ fn raw_image(picture: &RgbImage, header: &Header, max_side: u32) -> Image {
     }
 }
 
-fn jpeg(picture: &RgbImage, header: &Header, quality: u8) -> Result<CompressedImage, ImageError> {
-    let mut data = Cursor::new(Vec::new());
-    picture.write_with_encoder(JpegEncoder::new_with_quality(&mut data, quality))?;
-    Ok(CompressedImage { header: header.clone(), format: "jpeg".to_owned(), data: data.into_inner() })
+/// The picture as JPEG, of less quality than asked for where it would be larger than a peer can take.
+fn jpeg(picture: &RgbImage, header: &Header, mut quality: u8) -> Result<CompressedImage, ImageError> {
+    loop {
+        let mut data = Cursor::new(Vec::new());
+        picture.write_with_encoder(JpegEncoder::new_with_quality(&mut data, quality))?;
+        let data = data.into_inner();
+        if data.len() <= MOST_BYTES || quality <= LEAST_QUALITY {
+            return Ok(CompressedImage { header: header.clone(), format: "jpeg".to_owned(), data });
+        }
+        quality = (quality / 2).max(LEAST_QUALITY);
+    }
 }
 
 #[cfg(test)]
@@ -191,12 +220,23 @@ mod tests {
 
     #[test]
     fn raw_images_fit_the_largest_side_and_are_bgr() {
-        let message = raw_image(&picture(), &Header::default(), 32);
+        let message = raw_image(&scaled(&picture(), 32), &Header::default());
         assert_eq!((message.width, message.height, message.step), (32, 8, 96));
         assert_eq!(&message.data[..3], [30, 20, 10]);
         assert_eq!(message.data.len(), 32 * 8 * 3);
-        assert_eq!(raw_image(&picture(), &Header::default(), 64).width, 64, "no larger than it is");
-        assert_eq!(raw_image(&picture(), &Header::default(), 2).height, 1, "no side vanishes");
+        assert_eq!(raw_image(&scaled(&picture(), 64), &Header::default()).width, 64, "no larger than it is");
+        assert_eq!(raw_image(&scaled(&picture(), 2), &Header::default()).height, 1, "no side vanishes");
+    }
+
+    #[test]
+    fn jpegs_that_no_peer_could_take_lose_quality() {
+        let noise = RgbImage::from_fn(800, 450, |x, y| {
+            let hash = (x.wrapping_mul(0x9E37_79B1) ^ y.wrapping_mul(0x85EB_CA6B)).wrapping_mul(0xC2B2_AE35);
+            image::Rgb([(hash >> 24) as u8, (hash >> 16) as u8, (hash >> 8) as u8])
+        });
+        let full = jpeg(&noise, &Header::default(), 10).unwrap().data.len();
+        let message = jpeg(&noise, &Header::default(), 95).unwrap();
+        assert!(message.data.len() <= MOST_BYTES.max(full), "{} bytes", message.data.len());
     }
 
     #[test]

@@ -6,7 +6,7 @@ use ros2_client::{
     Context, Message, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, ServiceMapping, ServiceTypeName,
     Subscription,
 };
-use rustdds::TopicKind;
+use rustdds::{QosPolicies, TopicKind};
 
 use super::fault::Fault;
 use super::messages::{Image, Topic};
@@ -15,6 +15,9 @@ use super::service::Service;
 
 /// How many small messages are kept for a peer that lags.
 const DEPTH: usize = 10;
+
+/// How many pictures are kept for a peer that lags.
+const PICTURES: i32 = 4;
 
 /// How images are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,16 +61,19 @@ impl Endpoints {
             .reliability(reliability)
             .durability(policy::Durability::Volatile)
             .history(policy::History::KeepLast { depth: 1 })
-            .resource_limits(policy::ResourceLimits { max_samples: 1, max_instances: 1, max_samples_per_instance: 1 })
+            .resource_limits(limit(1))
             .build();
-        let failed = |why: String| Fault::system(format!("subscribe to {name}"), why);
+        let topic = self.dds_topic::<Image>(name, &qos)?;
+        self.node.create_subscription(&topic, None).map_err(|e| Fault::system(format!("subscribe to {name}"), e))
+    }
+
+    /// A topic with a quality of service that the ROS 2 library has no words for.
+    fn dds_topic<M: Topic>(&self, name: &Name, qos: &QosPolicies) -> Result<rustdds::Topic, Fault> {
         let dds_name = name.to_dds_name("rt", &self.dds_name, "");
-        let topic = self
-            .context
+        self.context
             .domain_participant()
-            .create_topic(dds_name, Image::type_name().dds_msg_type(), &qos, TopicKind::NoKey)
-            .map_err(|e| failed(e.to_string()))?;
-        self.node.create_subscription(&topic, None).map_err(|e| failed(e.to_string()))
+            .create_topic(dds_name, M::type_name().dds_msg_type(), qos, TopicKind::NoKey)
+            .map_err(|e| Fault::system(format!("make topic {name}"), e))
     }
 
     /// Reads small messages, none of which may be lost.
@@ -83,9 +89,18 @@ impl Endpoints {
         self.writer(name, reliable())
     }
 
-    /// Writes images, which nobody waits for.
+    /// Writes pictures to whoever looks, reliably to those who ask for it. As few are kept for them as can be, so that
+    /// one that is stuck neither blocks the writer nor lets memory grow.
     pub fn image_publisher<M: Topic>(&mut self, name: &str) -> Result<Publisher<M>, Fault> {
-        self.writer(name, QosProfile::publisher_default().reliability_best_effort())
+        let qos = QosPolicyBuilder::new()
+            .reliability(policy::Reliability::Reliable { max_blocking_time: rustdds::Duration::ZERO })
+            .durability(policy::Durability::Volatile)
+            .history(policy::History::KeepLast { depth: 1 })
+            .resource_limits(limit(PICTURES))
+            .build();
+        let name = self.names.topic(name)?;
+        let topic = self.dds_topic::<M>(&name, &qos)?;
+        self.node.create_publisher(&topic, None).map_err(|e| Fault::system(format!("publish on {name}"), e))
     }
 
     fn writer<M: Topic>(&mut self, name: &str, qos: QosProfile) -> Result<Publisher<M>, Fault> {
@@ -109,6 +124,10 @@ impl Endpoints {
         let replies = name.to_dds_name("rr", &self.dds_name, "Reply");
         Ok(Service { server, participant: self.context.domain_participant(), replies })
     }
+}
+
+fn limit(samples: i32) -> policy::ResourceLimits {
+    policy::ResourceLimits { max_samples: samples, max_instances: 1, max_samples_per_instance: samples }
 }
 
 fn reliable() -> QosProfile {

@@ -432,6 +432,52 @@ def diagnostics():
     peer.close()
 
 
+def debug_rate(seconds, least):
+    """At 1280 x 720 and 30 Hz, default subscribers (reliable, of depth 10) and sensor-data ones see the debug images at
+    nearly the frame rate."""
+    peer = Peer()
+    peer.scene = Scene(1280, 720, (80, 100))
+    ring = [peer.message(index) for index in range(90)]
+    peer.connect()
+    peer.start()
+    topics = [("image", Image, 10), ("image/compressed", CompressedImage, 10)]
+    topics += [("image/compressed", CompressedImage, qos_profile_sensor_data)]
+    got = [peer.listen(kind, f"/tracker/debug/{name}", qos) for name, kind, qos in topics]
+    index = 0
+
+    def send():
+        nonlocal index
+        index += 1
+        turn = index % (2 * len(ring) - 2)
+        message = ring[min(turn, 2 * len(ring) - 2 - turn)]
+        nanos = 1_000_000_000_000 + index * 33_333_333
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(nanos, 1_000_000_000)
+        peer.images.publish(message)
+
+    def everywhere():
+        send()
+        peer.executor.spin_once(timeout_sec=0.03)
+        return all(got)
+
+    peer.spin_until(everywhere, "debug images everywhere")
+    for images in got:
+        images.clear()
+    peer.tracks.clear()
+    frames = round(30 * float(seconds))
+    begun = time.monotonic()
+    for n in range(frames):
+        send()
+        while (left := begun + (n + 1) / 30 - time.monotonic()) > 0:
+            peer.executor.spin_once(timeout_sec=left)
+    end = time.monotonic() + 1
+    while time.monotonic() < end:
+        peer.executor.spin_once(timeout_sec=0.05)
+    counts = [len(images) for images in got]
+    print(f"{frames} frames in {end - 1 - begun:.1f} s: {len(peer.tracks)} tracks, debug images {counts}")
+    assert all(count >= float(least) * frames for count in counts), counts
+    peer.close()
+
+
 def endurance(node_pid, frames):
     """Follows a target at 640 x 480 through so many frames, one after the other; prints and checks the first track's
     delay and the node's resident memory."""

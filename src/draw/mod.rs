@@ -1,19 +1,21 @@
 //! Debug drawing: what a tracker saw and thought, on the frame it saw. Used by `track --annotate`, by the node's
 //! debug images and by the demo; the core never comes here.
 //!
-//! [`Scene`] is the [`Trace`] that keeps what one step shows; [`annotated`] and [`response`] draw it.
+//! [`Scene`] is the [`Trace`](crate::trace::Trace) that keeps what one step shows; [`annotated`] and [`response`] draw it.
 
-use std::ops::Range;
-use std::sync::LazyLock;
+mod pen;
+mod scene;
 
-use ab_glyph::FontRef;
 use image::{Rgb, RgbImage};
-use imageproc::drawing::{draw_filled_rect_mut, draw_text_mut, text_size};
 
+pub use scene::Scene;
+
+use crate::crop::{Cropper, Patch};
 use crate::frame::Frame;
 use crate::geometry::Rect;
-use crate::trace::{Proposal, ResponseMap, Trace};
+use crate::trace::ResponseMap;
 use crate::tracker::{Output, State, Target};
+use pen::Pen;
 
 /// Colour of a box by what the tracker says of it.
 const TRACKING: Rgb<u8> = Rgb([60, 220, 90]);
@@ -22,16 +24,6 @@ const LOST: Rgb<u8> = Rgb([255, 70, 60]);
 const SEARCH_WINDOW: Rgb<u8> = Rgb([90, 170, 255]);
 const PREDICTION: Rgb<u8> = Rgb([255, 255, 255]);
 const PROPOSAL: Rgb<u8> = Rgb([240, 90, 240]);
-/// Behind text, and outside the border of lines, so that they stand out from any background.
-const DARK: Rgb<u8> = Rgb([16, 16, 20]);
-
-/// The larger side of an image over the height of its text, and over the thickness of its lines.
-const SIDE_TO_TEXT: f64 = 32.0;
-const SIDE_TO_LINE: f64 = 400.0;
-/// Below, text cannot be read.
-const MIN_TEXT: f64 = 13.0;
-/// Length of a dash, in line thicknesses.
-const DASH: f64 = 5.0;
 
 /// What remains of the frame around a response map, and, as grey, below it.
 const DIMMED: f64 = 0.4;
@@ -52,121 +44,64 @@ const VIRIDIS: [[u8; 3]; 9] = [
     [253, 231, 37],
 ];
 
-static FONT: LazyLock<FontRef<'static>> = LazyLock::new(|| {
-    FontRef::try_from_slice(epaint_default_fonts::HACK_REGULAR).expect("the font that is built in can be read")
-});
-
-/// What one step shows of itself, of all targets. Clear it before each step; its buffers are reused.
-#[derive(Clone, Debug, Default)]
-pub struct Scene {
-    search_windows: Vec<Rect>,
-    predictions: Vec<Rect>,
-    proposals: Vec<Proposal>,
-    maps: Vec<MapShape>,
-    /// Of all maps, one after the other.
-    values: Vec<f32>,
-}
-
-#[derive(Clone, Debug)]
-struct MapShape {
-    rows: usize,
-    cols: usize,
-    window: Rect,
-    /// Where its values are.
-    values: Range<usize>,
-}
-
-impl Scene {
-    /// Forgets the last step.
-    pub fn clear(&mut self) {
-        self.search_windows.clear();
-        self.predictions.clear();
-        self.proposals.clear();
-        self.maps.clear();
-        self.values.clear();
-    }
-}
-
-impl Trace for Scene {
-    fn search_window(&mut self, window: Rect) {
-        self.search_windows.push(window);
-    }
-
-    fn prediction(&mut self, rect: Rect) {
-        self.predictions.push(rect);
-    }
-
-    fn response(&mut self, map: &ResponseMap) {
-        let first = self.values.len();
-        self.values.extend_from_slice(map.values);
-        let values = first..self.values.len();
-        self.maps.push(MapShape { rows: map.rows, cols: map.cols, window: map.window, values });
-    }
-
-    fn proposals(&mut self, proposals: &[Proposal]) {
-        self.proposals.extend_from_slice(proposals);
-    }
-}
-
-/// The frame with the search window (thin, blue), the prediction (dashed, white), the proposals (magenta) and the
+/// The frame with the search windows (thin, blue), the predictions (dashed, white), the proposals (magenta) and the
 /// box of each target (green: tracking, amber: uncertain, red: lost) with a line that gives its state, confidence
-/// and id. Thickness and text grow with the frame.
-pub fn annotated(frame: &Frame, output: &Output, scene: &Scene) -> RgbImage {
-    let mut image = rgb(frame);
+/// and id. Thickness and text grow with the picture, of which no side is longer than `max_side` pixels.
+pub fn annotated(frame: &Frame, output: &Output, scene: &Scene, max_side: u32) -> RgbImage {
+    let mut image = rgb(frame, max_side);
+    let place = placing(frame, &image);
     let pen = Pen::for_image(&image);
     for window in &scene.search_windows {
-        pen.thin().outline(&mut image, window, SEARCH_WINDOW);
+        pen.thin().outline(&mut image, &place(window), SEARCH_WINDOW);
     }
     for proposal in &scene.proposals {
-        pen.thin().outline(&mut image, &proposal.rect, PROPOSAL);
+        pen.thin().outline(&mut image, &place(&proposal.rect), PROPOSAL);
     }
     for prediction in &scene.predictions {
-        pen.thin().dashed(&mut image, prediction, PREDICTION);
+        pen.thin().dashed(&mut image, &place(prediction), PREDICTION);
     }
     for target in &output.targets {
-        pen.outline(&mut image, &target.rect, colour(target.state));
+        pen.outline(&mut image, &place(&target.rect), colour(target.state));
     }
     for target in &output.targets {
-        pen.label(&mut image, &target.rect, &caption(target), colour(target.state));
+        pen.label(&mut image, &place(&target.rect), &caption(target), colour(target.state));
     }
     image
 }
 
 /// The fused response maps in colour, each in its place over the darkened frame, with the values of their peaks. Where
-/// the step made none, the darkened frame alone.
-pub fn response(frame: &Frame, scene: &Scene) -> RgbImage {
-    let mut image = rgb(frame);
-    for value in image.iter_mut() {
-        *value = (f64::from(*value) * DIMMED) as u8;
-    }
-    let maps = || scene.maps.iter().filter(|m| m.rows > 0 && m.cols > 0 && m.window.area() > 0.0);
-    for map in maps() {
-        paint(&mut image, frame, map, &scene.values[map.values.clone()]);
-    }
+/// the step made none, the darkened frame alone. No side is longer than `max_side` pixels.
+pub fn response(frame: &Frame, scene: &Scene, max_side: u32) -> RgbImage {
+    let mut image = rgb(frame, max_side);
+    let place = placing(frame, &image);
+    let dimmed: [u8; 256] = std::array::from_fn(|v| (v as f64 * DIMMED) as u8);
+    let maps: Vec<_> = scene.maps().map(|map| ResponseMap { window: place(&map.window), ..map }).collect();
+    image.iter_mut().for_each(|value| *value = dimmed[usize::from(*value)]);
+    maps.iter().for_each(|map| paint(&mut image, map));
     let pen = Pen::for_image(&image);
-    for map in maps() {
+    for map in &maps {
         pen.thin().outline(&mut image, &map.window, SEARCH_WINDOW);
-        let peak = highest(&scene.values[map.values.clone()]);
-        pen.label(&mut image, &map.window, &format!("peak {peak:.2}"), PREDICTION);
+        pen.label(&mut image, &map.window, &format!("peak {:.2}", highest(map)), PREDICTION);
     }
     image
 }
 
-fn highest(values: &[f32]) -> f32 {
-    values.iter().copied().fold(0.0, f32::max)
+fn highest(map: &ResponseMap) -> f32 {
+    map.values.iter().copied().fold(0.0, f32::max)
 }
 
-/// Lays one map over the frame.
-fn paint(image: &mut RgbImage, frame: &Frame, map: &MapShape, values: &[f32]) {
-    let span = highest(values).max(MIN_SPAN);
-    let inside = map.window.intersection(&frame.bounds());
+/// Lays one map over the darkened picture.
+fn paint(image: &mut RgbImage, map: &ResponseMap) {
+    let span = highest(map).max(MIN_SPAN);
+    let bounds = Rect::new(0.0, 0.0, image.width().into(), image.height().into());
+    let inside = map.window.intersection(&bounds);
     for y in inside.y.round() as u32..(inside.y + inside.h).round() as u32 {
         let row = (f64::from(y) + 0.5 - map.window.y) / map.window.h * map.rows as f64 - 0.5;
         for x in inside.x.round() as u32..(inside.x + inside.w).round() as u32 {
             let col = (f64::from(x) + 0.5 - map.window.x) / map.window.w * map.cols as f64 - 0.5;
-            let colour = viridis(bilinear(values, map, row, col) / span);
-            let below = frame.rgb(x as usize, y as usize).iter().map(|&v| f64::from(v)).sum::<f64>() / 3.0;
-            let mix = |c: u8| (BELOW_MAP * below + (1.0 - BELOW_MAP) * f64::from(c)) as u8;
+            let colour = viridis(bilinear(map, row, col) / span);
+            let below = image.get_pixel(x, y).0.map(f64::from).iter().sum::<f64>() / 3.0;
+            let mix = |c: u8| (BELOW_MAP / DIMMED * below + (1.0 - BELOW_MAP) * f64::from(c)) as u8;
             image.put_pixel(x, y, Rgb(colour.map(mix)));
         }
     }
@@ -177,9 +112,24 @@ pub fn heading(image: &mut RgbImage, text: &str) {
     Pen::for_image(image).label(image, &Rect::default(), text, PREDICTION);
 }
 
-/// The frame as RGB, whatever its encoding and step.
-fn rgb(frame: &Frame) -> RgbImage {
-    RgbImage::from_fn(frame.width(), frame.height(), |x, y| Rgb(frame.rgb(x as usize, y as usize)))
+/// The frame as RGB, whatever its encoding and step, scaled down where a side is longer than `max_side` pixels.
+fn rgb(frame: &Frame, max_side: u32) -> RgbImage {
+    let longest = frame.width().max(frame.height());
+    if longest <= max_side {
+        return RgbImage::from_fn(frame.width(), frame.height(), |x, y| Rgb(frame.rgb(x as usize, y as usize)));
+    }
+    let side = |side: u32| (u64::from(side) * u64::from(max_side) / u64::from(longest)).max(1) as u32;
+    let (width, height) = (side(frame.width()), side(frame.height()));
+    let mut patch = Patch::default();
+    Cropper::default().crop(frame, &frame.bounds(), width as usize, height as usize, &mut patch);
+    RgbImage::from_fn(width, height, |x, y| Rgb(patch.rgb(x as usize, y as usize)))
+}
+
+/// From boxes in the frame to boxes in a picture of it.
+fn placing(frame: &Frame, image: &RgbImage) -> impl Fn(&Rect) -> Rect + use<> {
+    let x = f64::from(image.width()) / f64::from(frame.width());
+    let y = f64::from(image.height()) / f64::from(frame.height());
+    move |rect| Rect::new(rect.x * x, rect.y * y, rect.w * x, rect.h * y)
 }
 
 fn colour(state: State) -> Rgb<u8> {
@@ -196,7 +146,7 @@ fn caption(target: &Target) -> String {
 }
 
 /// The map's value at a fractional cell; beyond the centres of the outermost cells it stays constant.
-fn bilinear(values: &[f32], map: &MapShape, row: f64, col: f64) -> f32 {
+fn bilinear(map: &ResponseMap, row: f64, col: f64) -> f32 {
     let split = |at: f64, count: usize| {
         let at = at.clamp(0.0, (count - 1) as f64);
         let low = at as usize;
@@ -205,7 +155,7 @@ fn bilinear(values: &[f32], map: &MapShape, row: f64, col: f64) -> f32 {
     let (r0, r1, fr) = split(row, map.rows);
     let (c0, c1, fc) = split(col, map.cols);
     let along = |r: usize| {
-        let (a, b) = (values[r * map.cols + c0], values[r * map.cols + c1]);
+        let (a, b) = (map.values[r * map.cols + c0], map.values[r * map.cols + c1]);
         a + fc * (b - a)
     };
     let (top, bottom) = (along(r0), along(r1));
@@ -224,90 +174,16 @@ fn viridis(value: f32) -> [u8; 3] {
     })
 }
 
-/// Line thickness and text height, in pixels.
-#[derive(Clone, Copy)]
-struct Pen {
-    line: i32,
-    text: f64,
-}
-
-impl Pen {
-    fn for_image(image: &RgbImage) -> Self {
-        let side = f64::from(image.width().max(image.height()));
-        Self { line: ((side / SIDE_TO_LINE).round() as i32).max(1) + 1, text: (side / SIDE_TO_TEXT).max(MIN_TEXT) }
-    }
-
-    /// Half as thick.
-    fn thin(self) -> Self {
-        Self { line: (self.line / 2).max(1), ..self }
-    }
-
-    /// The four sides of a box, around its border.
-    fn outline(&self, image: &mut RgbImage, rect: &Rect, colour: Rgb<u8>) {
-        self.sides(rect, |x, y, w, h| fill(image, x, y, w, h, colour));
-    }
-
-    /// The same, in dashes.
-    fn dashed(&self, image: &mut RgbImage, rect: &Rect, colour: Rgb<u8>) {
-        let dash = (DASH * f64::from(self.line)) as i32;
-        self.sides(rect, |x, y, w, h| {
-            for along in (0..w.max(h)).step_by(2 * dash as usize) {
-                let length = dash.min(w.max(h) - along);
-                if w > h {
-                    fill(image, x + along, y, length, h, colour);
-                } else {
-                    fill(image, x, y + along, w, length, colour);
-                }
-            }
-        });
-    }
-
-    /// Calls `side` with x, y, width, height of each side of the border.
-    fn sides(&self, rect: &Rect, mut side: impl FnMut(i32, i32, i32, i32)) {
-        let t = self.line;
-        let (x0, y0) = (pixel(rect.x) - t / 2, pixel(rect.y) - t / 2);
-        let (x1, y1) = (pixel(rect.x + rect.w) - t / 2, pixel(rect.y + rect.h) - t / 2);
-        side(x0, y0, x1 - x0 + t, t);
-        side(x0, y1, x1 - x0 + t, t);
-        side(x0, y0, t, y1 - y0 + t);
-        side(x1, y0, t, y1 - y0 + t);
-    }
-
-    /// A line of text above the box, below where there is no room, and always inside the image.
-    fn label(&self, image: &mut RgbImage, rect: &Rect, text: &str, colour: Rgb<u8>) {
-        let scale = self.text as f32;
-        let pad = (self.text / 6.0) as i32;
-        let (w, h) = text_size(scale, &*FONT, text);
-        let (w, h) = (w as i32 + 2 * pad, h as i32 + pad);
-        let (width, height) = (image.width() as i32, image.height() as i32);
-        let above = pixel(rect.y) - h - self.line;
-        let y = if above >= 0 { above } else { pixel(rect.y + rect.h) + self.line };
-        let x = (pixel(rect.x) - self.line / 2).min(width - w).max(0);
-        let y = y.min(height - h).max(0);
-        fill(image, x, y, w, h, DARK);
-        draw_text_mut(image, colour, x + pad, y + pad / 2, scale, &*FONT, text);
-    }
-}
-
-/// The nearest pixel border; far outside any image where the coordinate is.
-fn pixel(v: f64) -> i32 {
-    const FAR: f64 = 1e6;
-    v.clamp(-FAR, FAR).round() as i32
-}
-
-/// Fills the part of a box that lies inside the image.
-fn fill(image: &mut RgbImage, x: i32, y: i32, w: i32, h: i32, colour: Rgb<u8>) {
-    if w > 0 && h > 0 {
-        draw_filled_rect_mut(image, imageproc::rect::Rect::at(x, y).of_size(w as u32, h as u32), colour);
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::pen::DARK;
     use super::*;
     use crate::frame::Encoding;
+    use crate::trace::{Proposal, Trace as _};
 
     const SIZE: (u32, u32) = (200, 120);
+    /// Larger than any picture here.
+    const FULL: u32 = 1000;
 
     fn grey() -> Vec<u8> {
         vec![100; (SIZE.0 * SIZE.1) as usize]
@@ -345,7 +221,7 @@ mod tests {
         let data = grey();
         let rect = Rect::new(90.0, 60.0, 30.0, 40.0);
         for (state, colour) in [(State::Tracking, TRACKING), (State::Uncertain, UNCERTAIN), (State::Lost, LOST)] {
-            let image = annotated(&frame(&data), &output(rect, state), &Scene::default());
+            let image = annotated(&frame(&data), &output(rect, state), &Scene::default(), FULL);
             assert_eq!(*image.get_pixel(90, 80), colour);
             assert_eq!(*image.get_pixel(105, 80), Rgb([100; 3]), "the target stays visible");
         }
@@ -359,14 +235,14 @@ mod tests {
         scene.search_window(window);
         scene.prediction(Rect::new(80.0, 50.0, 20.0, 20.0));
         scene.proposals(&[Proposal { rect: Rect::new(60.0, 80.0, 20.0, 20.0), score: 1.0 }]);
-        let image = annotated(&frame(&data), &Output::default(), &scene);
+        let image = annotated(&frame(&data), &Output::default(), &scene, FULL);
         for colour in [SEARCH_WINDOW, PREDICTION, PROPOSAL] {
             assert!(extent(&image, colour).is_some());
         }
         let drawn = extent(&image, SEARCH_WINDOW).unwrap();
         assert!(drawn.iou(&window) > 0.9, "{drawn}");
         scene.clear();
-        assert_eq!(annotated(&frame(&data), &Output::default(), &scene), rgb(&frame(&data)));
+        assert_eq!(annotated(&frame(&data), &Output::default(), &scene, FULL), rgb(&frame(&data), FULL));
     }
 
     #[test]
@@ -378,14 +254,14 @@ mod tests {
         values[4 + 3] = 0.9;
         let window = Rect::new(20.0, 10.0, 80.0, 80.0);
         scene.response(&ResponseMap { values: &values, rows: 4, cols: 4, window });
-        let image = response(&frame(&data), &scene);
+        let image = response(&frame(&data), &scene, FULL);
         let yellow = |x, y| i32::from(image.get_pixel(x, y)[0]) - i32::from(image.get_pixel(x, y)[2]);
         let best = (0..SIZE.0).flat_map(|x| (40..SIZE.1 - 20).map(move |y| (x, y))).max_by_key(|p| yellow(p.0, p.1));
         let (x, y) = best.unwrap();
         assert!((80..100).contains(&x) && (30..50).contains(&y), "({x}, {y})");
         assert_eq!(*image.get_pixel(150, 100), Rgb([40; 3]), "around the map the frame is darkened");
         scene.clear();
-        assert_eq!(*response(&frame(&data), &scene).get_pixel(50, 50), Rgb([40; 3]));
+        assert_eq!(*response(&frame(&data), &scene, FULL).get_pixel(50, 50), Rgb([40; 3]));
     }
 
     #[test]
@@ -394,7 +270,7 @@ mod tests {
         let mut scene = Scene::default();
         let bright = |peak: f32| {
             scene.response(&ResponseMap { values: &[peak; 4], rows: 2, cols: 2, window: frame(&data).bounds() });
-            response(&frame(&data), &scene).get_pixel(100, 100)[1]
+            response(&frame(&data), &scene, FULL).get_pixel(100, 100)[1]
         };
         let greens = [0.05, 0.2, 0.5].map(bright);
         assert!(greens[0] < greens[1] && greens[1] < greens[2], "{greens:?}");
@@ -413,10 +289,27 @@ mod tests {
             scene.search_window(rect);
             scene.prediction(rect);
             scene.response(&ResponseMap { values: &[1.0; 6], rows: 2, cols: 3, window: rect });
-            let image = annotated(&frame(&data), &output(rect, State::Lost), &scene);
+            let image = annotated(&frame(&data), &output(rect, State::Lost), &scene, FULL);
             assert!(extent(&image, DARK).is_some(), "the label always shows");
-            assert_eq!(response(&frame(&data), &scene).dimensions(), SIZE);
+            assert_eq!(response(&frame(&data), &scene, FULL).dimensions(), SIZE);
         }
+    }
+
+    #[test]
+    fn smaller_pictures_show_the_same_in_the_same_places() {
+        let data = grey();
+        let rect = Rect::new(80.0, 40.0, 60.0, 40.0);
+        let mut scene = Scene::default();
+        scene.search_window(Rect::new(20.0, 10.0, 160.0, 90.0));
+        scene.response(&ResponseMap { values: &[0.0, 0.0, 0.0, 0.9], rows: 2, cols: 2, window: rect });
+        let image = annotated(&frame(&data), &output(rect, State::Tracking), &scene, 100);
+        assert_eq!(image.dimensions(), (100, 60));
+        let drawn = extent(&image, SEARCH_WINDOW).unwrap();
+        assert!(drawn.iou(&Rect::new(10.0, 5.0, 80.0, 45.0)) > 0.9, "{drawn}");
+        assert_eq!(*image.get_pixel(40, 30), TRACKING);
+        let map = response(&frame(&data), &scene, 100);
+        let green = |x, y| map.get_pixel(x, y)[1];
+        assert!(green(65, 37) > green(45, 25) && green(5, 55) == 40, "{} {}", green(65, 37), green(45, 25));
     }
 
     #[test]

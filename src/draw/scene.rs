@@ -1,0 +1,72 @@
+//! What one step of a tracker shows of itself, kept to be drawn.
+
+use std::ops::Range;
+
+use crate::geometry::Rect;
+use crate::trace::{Proposal, ResponseMap, Trace};
+
+/// What one step shows of itself, of all targets. Clear it before each step; its buffers are reused.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    pub(super) search_windows: Vec<Rect>,
+    pub(super) predictions: Vec<Rect>,
+    pub(super) proposals: Vec<Proposal>,
+    maps: Vec<MapShape>,
+    /// Of all maps, one after the other.
+    values: Vec<f32>,
+}
+
+/// The shape of a map whose values are kept with those of others.
+#[derive(Clone, Debug)]
+struct MapShape {
+    rows: usize,
+    cols: usize,
+    window: Rect,
+    /// Where its values are.
+    values: Range<usize>,
+}
+
+impl Scene {
+    /// Forgets the last step.
+    pub fn clear(&mut self) {
+        self.search_windows.clear();
+        self.predictions.clear();
+        self.proposals.clear();
+        self.maps.clear();
+        self.values.clear();
+    }
+}
+
+impl Scene {
+    /// The response maps that cover anything.
+    pub(super) fn maps(&self) -> impl Iterator<Item = ResponseMap<'_>> {
+        let shown = self.maps.iter().filter(|map| map.rows > 0 && map.cols > 0 && map.window.area() > 0.0);
+        shown.map(|map| ResponseMap {
+            values: &self.values[map.values.clone()],
+            rows: map.rows,
+            cols: map.cols,
+            window: map.window,
+        })
+    }
+}
+
+impl Trace for Scene {
+    fn search_window(&mut self, window: Rect) {
+        self.search_windows.push(window);
+    }
+
+    fn prediction(&mut self, rect: Rect) {
+        self.predictions.push(rect);
+    }
+
+    fn response(&mut self, map: &ResponseMap) {
+        let first = self.values.len();
+        self.values.extend_from_slice(map.values);
+        let values = first..self.values.len();
+        self.maps.push(MapShape { rows: map.rows, cols: map.cols, window: map.window, values });
+    }
+
+    fn proposals(&mut self, proposals: &[Proposal]) {
+        self.proposals.extend_from_slice(proposals);
+    }
+}
