@@ -3,7 +3,7 @@
 //! The resampling filter is a triangle, as wide as a pixel of the coarser of the two grids, so that enlarging
 //! interpolates linearly and shrinking averages. Beyond the image the border pixels go on.
 
-use crate::frame::Frame;
+use crate::frame::{Frame, Plane};
 use crate::geometry::Rect;
 
 /// An image patch as three planes of 8-bit intensities: red, green, blue, each row-major `height x width`.
@@ -40,18 +40,6 @@ impl Patch {
         }
     }
 }
-
-/// What a plane of a patch is made of.
-#[derive(Clone, Copy, Debug)]
-enum Source {
-    /// The byte at this place of a pixel.
-    Byte(usize),
-    /// The luma of the bytes at these places: red, green, blue.
-    Luma([usize; 3]),
-}
-
-/// Weights of red, green and blue in luma (ITU-R BT.601).
-const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
 
 /// One axis of a resampling: each output pixel is a weighted sum of the same number of neighbouring input pixels.
 #[derive(Debug, Default)]
@@ -145,8 +133,8 @@ impl Cropper {
         let planes = if frame.encoding().is_colour() { 3 } else { 1 };
         patch.resize(width, height, planes);
         self.plan(frame, window, width, height);
-        for (plane, channel) in patch.planes.iter_mut().zip(frame.encoding().channels()) {
-            self.resample(frame, Source::Byte(channel), plane);
+        for (out, plane) in patch.planes.iter_mut().zip(Plane::COLOURS) {
+            self.resample(frame, plane, out);
         }
     }
 
@@ -154,9 +142,7 @@ impl Cropper {
     pub fn crop_luma(&mut self, frame: &Frame, window: &Rect, width: usize, height: usize, patch: &mut Patch) {
         patch.resize(width, height, 1);
         self.plan(frame, window, width, height);
-        let channels = frame.encoding().channels();
-        let source = if frame.encoding().is_colour() { Source::Luma(channels) } else { Source::Byte(channels[0]) };
-        self.resample(frame, source, &mut patch.planes[0]);
+        self.resample(frame, Plane::Luma, &mut patch.planes[0]);
     }
 
     fn plan(&mut self, frame: &Frame, window: &Rect, width: usize, height: usize) {
@@ -164,27 +150,20 @@ impl Cropper {
         self.rows.plan(window.y, window.h, height, frame.height() as usize);
     }
 
-    fn resample(&mut self, frame: &Frame, source: Source, plane: &mut [u8]) {
-        self.narrow(frame, source);
-        self.shorten(plane);
+    fn resample(&mut self, frame: &Frame, plane: Plane, out: &mut [u8]) {
+        self.narrow(frame, plane);
+        self.shorten(out);
     }
 
     /// Resamples every needed input row in x.
-    fn narrow(&mut self, frame: &Frame, source: Source) {
+    fn narrow(&mut self, frame: &Frame, plane: Plane) {
         let (left, right) = self.columns.extent();
         let (top, bottom) = self.rows.extent();
-        let stride = frame.encoding().bytes();
         let width = self.columns.first.len();
         self.narrow.resize((bottom - top) * width, 0.0);
         self.line.resize(right - left, 0.0);
         for (y, out) in (top..bottom).zip(self.narrow.chunks_exact_mut(width)) {
-            let pixels = frame.row(y)[left * stride..right * stride].chunks_exact(stride);
-            match source {
-                Source::Byte(at) => self.line.iter_mut().zip(pixels).for_each(|(v, p)| *v = f32::from(p[at])),
-                Source::Luma(at) => self.line.iter_mut().zip(pixels).for_each(|(v, p)| {
-                    *v = LUMA.iter().zip(at).map(|(weight, at)| weight * f32::from(p[at])).sum();
-                }),
-            }
+            frame.line(y, left, plane, &mut self.line);
             self.columns.resample(&self.line, left, out);
         }
     }

@@ -18,6 +18,9 @@ pub enum FrameError {
     /// The name of the encoding is not known.
     #[error("encoding '{0}' is not supported; supported are {known}", known = crate::frame::Encoding::names().join(", "))]
     Encoding(String),
+    /// The sides are no multiples of what the encoding puts together.
+    #[error("image of {width} x {height} cannot be {encoding}: its sides must be multiples of {columns} and {rows}")]
+    Block { width: u32, height: u32, encoding: &'static str, columns: u32, rows: u32 },
     /// A row is shorter than its pixels.
     #[error("step of {step} bytes is shorter than a row of {width} {encoding} pixels ({row} bytes)")]
     Step { step: usize, width: u32, encoding: &'static str, row: usize },

@@ -26,7 +26,7 @@ pub struct Received {
 impl Received {
     /// Takes the message where its bytes hold what its fields say.
     pub fn new(image: Image, arrival: i64) -> Result<Self, FrameError> {
-        let encoding = Encoding::parse(&image.encoding)?;
+        let encoding = Encoding::parse(&image.encoding, image.is_bigendian != 0)?;
         frame(&image, encoding)?;
         Ok(Self { image, encoding, arrival })
     }

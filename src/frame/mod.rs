@@ -1,4 +1,13 @@
 //! One image as it came in: borrowed bytes with their layout, checked once.
+//!
+//! Images are not converted as a whole: what is looked at is read out of the bytes as they are. `encoding.rs` holds what
+//! there is, `pixels.rs` reads it.
+
+mod encoding;
+mod pixels;
+
+pub use encoding::Encoding;
+pub use pixels::Plane;
 
 use crate::error::{FrameError, StartError};
 use crate::geometry::Rect;
@@ -12,69 +21,6 @@ pub const MIN_TARGET_SIDE: f64 = 4.0;
 pub const MAX_TARGET_ASPECT: f64 = 12.0;
 /// The share of a marked box that must lie inside the image.
 const MIN_VISIBLE_SHARE: f64 = 0.5;
-
-/// How the bytes of a pixel are laid out; names as in `sensor_msgs/image_encodings`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Encoding {
-    /// 8-bit red, green, blue.
-    Rgb8,
-    /// 8-bit blue, green, red.
-    Bgr8,
-    /// 8-bit red, green, blue, alpha (ignored).
-    Rgba8,
-    /// 8-bit blue, green, red, alpha (ignored).
-    Bgra8,
-    /// 8-bit grey.
-    Mono8,
-}
-
-impl Encoding {
-    const ALL: [Self; 5] = [Self::Rgb8, Self::Bgr8, Self::Rgba8, Self::Bgra8, Self::Mono8];
-
-    /// The encoding of that name.
-    pub fn parse(name: &str) -> Result<Self, FrameError> {
-        Self::ALL.into_iter().find(|e| e.name() == name).ok_or_else(|| FrameError::Encoding(name.to_owned()))
-    }
-
-    /// The name of the encoding on the wire.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Rgb8 => "rgb8",
-            Self::Bgr8 => "bgr8",
-            Self::Rgba8 => "rgba8",
-            Self::Bgra8 => "bgra8",
-            Self::Mono8 => "mono8",
-        }
-    }
-
-    /// All names, in the order of the declaration.
-    pub fn names() -> Vec<&'static str> {
-        Self::ALL.into_iter().map(Self::name).collect()
-    }
-
-    /// Bytes of a pixel.
-    pub const fn bytes(self) -> usize {
-        match self {
-            Self::Rgb8 | Self::Bgr8 => 3,
-            Self::Rgba8 | Self::Bgra8 => 4,
-            Self::Mono8 => 1,
-        }
-    }
-
-    /// Where red, green and blue stand within a pixel.
-    pub const fn channels(self) -> [usize; 3] {
-        match self {
-            Self::Rgb8 | Self::Rgba8 => [0, 1, 2],
-            Self::Bgr8 | Self::Bgra8 => [2, 1, 0],
-            Self::Mono8 => [0, 0, 0],
-        }
-    }
-
-    /// Whether the encoding holds colour at all.
-    pub const fn is_colour(self) -> bool {
-        !matches!(self, Self::Mono8)
-    }
-}
 
 /// When an image was taken: nanoseconds since an epoch of the source's choosing. `None` where the source
 /// knows no time (a folder of images).
@@ -92,8 +38,8 @@ pub struct Frame<'a> {
 }
 
 impl<'a> Frame<'a> {
-    /// Checks the layout: `height` rows of `step` bytes, of which the first `width` pixels count. The last row
-    /// may end after its last pixel.
+    /// Checks the layout: `height` rows of `step` bytes, of which the first `width` pixels count, and the rows of colour
+    /// that some encodings have below them. The last row may end after its last pixel.
     pub fn new(
         data: &'a [u8],
         width: u32,
@@ -108,13 +54,18 @@ impl<'a> Frame<'a> {
         if width > MAX_SIDE || height > MAX_SIDE {
             return Err(FrameError::TooLarge { width, height, limit: MAX_SIDE });
         }
+        let [columns, rows] = encoding.block();
+        if !width.is_multiple_of(columns) || !height.is_multiple_of(rows) {
+            return Err(FrameError::Block { width, height, encoding: encoding.name(), columns, rows });
+        }
         let row = width as usize * encoding.bytes();
         if step < row {
             return Err(FrameError::Step { step, width, encoding: encoding.name(), row });
         }
-        let needed = step.saturating_mul(height as usize - 1).saturating_add(row);
+        let rows = height + encoding.colour_rows(height);
+        let needed = step.saturating_mul(rows as usize - 1).saturating_add(row);
         if data.len() < needed {
-            return Err(FrameError::Data { len: data.len(), height, step, needed });
+            return Err(FrameError::Data { len: data.len(), height: rows, step, needed });
         }
         Ok(Self { data, width, height, step, encoding, stamp })
     }
@@ -142,18 +93,6 @@ impl<'a> Frame<'a> {
     /// The whole image as a box.
     pub fn bounds(&self) -> Rect {
         Rect::new(0.0, 0.0, f64::from(self.width), f64::from(self.height))
-    }
-
-    /// The bytes of row `y`, without padding. Panics where `y` is not below the height.
-    pub fn row(&self, y: usize) -> &'a [u8] {
-        let start = y * self.step;
-        &self.data[start..start + self.width as usize * self.encoding.bytes()]
-    }
-
-    /// Red, green and blue of the pixel in column `x` of row `y`; grey thrice for mono.
-    pub fn rgb(&self, x: usize, y: usize) -> [u8; 3] {
-        let at = y * self.step + x * self.encoding.bytes();
-        self.encoding.channels().map(|c| self.data[at + c])
     }
 
     /// Checks that a target of this box can be followed from this frame on.
@@ -210,18 +149,13 @@ mod tests {
         assert!(mono(&data, 8, 8, usize::MAX).is_err());
         // The last row need not be padded.
         assert!(mono(&data[..60], 4, 8, 8).is_ok());
-        assert!(Encoding::parse("rgb9").unwrap_err().to_string().contains("rgb8, bgr8"));
-    }
-
-    #[test]
-    fn pixels_are_read_in_the_order_of_their_encoding() {
-        let data = [1u8, 2, 3, 4, 5, 6, 7, 8];
-        let at = |encoding| Frame::new(&data, 2, 1, 8, encoding, None).unwrap().rgb(1, 0);
-        assert_eq!(at(Encoding::Rgb8), [4, 5, 6]);
-        assert_eq!(at(Encoding::Bgr8), [6, 5, 4]);
-        assert_eq!(at(Encoding::Rgba8), [5, 6, 7]);
-        assert_eq!(at(Encoding::Bgra8), [7, 6, 5]);
-        assert_eq!(at(Encoding::Mono8), [2, 2, 2]);
+        let nv12 = |width, height, len| Frame::new(&data[..len], width, height, 4, Encoding::Nv12, None).err();
+        assert_eq!((nv12(4, 4, 24), nv12(4, 4, 23).is_some()), (None, true));
+        assert_eq!(
+            nv12(4, 3, 24).unwrap().to_string(),
+            "image of 4 x 3 cannot be nv12: its sides must be multiples of 2 and 2"
+        );
+        assert!(Encoding::parse("rgb9", false).unwrap_err().to_string().contains("rgb8, bgr8"));
     }
 
     #[test]
