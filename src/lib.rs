@@ -3,7 +3,7 @@
 //! # The way of the data
 //!
 //! ```text
-//! Image message | image file
+//! Image message | image file | bag
 //!   -> Frame            borrowed pixels, row step, encoding, stamp             frame
 //!   -> Session::step    commands (start, stop, retune) between frames          session
 //!      -> Tracker::step crop -> features -> window -> FFT -> response          crop, features, dcf
@@ -11,7 +11,7 @@
 //!                       -> (lost: proposals -> GM-PHD -> verify)               detect, learn
 //!                       -> scale -> learn
 //!   -> Output           per target: id, state, box, velocity, confidence       tracker
-//!   -> publish | write a row | draw                                            ros, cli, draw
+//!   -> publish | write a row or a bag | draw                                   ros, cli, record, draw
 //! ```
 //!
 //! Live and offline differ only at the two ends, so the same frames and parameters give the same boxes.
@@ -28,7 +28,9 @@
 //! | [`tracker`] | the interface and one file a tracker; [`tracker::lcmht`] reads as its paper |
 //! | [`session`], [`trace`] | one stream with one tracker; what a step shows of its inside |
 //! | [`params`] | the one table of parameters, and files of them |
-//! | [`replay`], [`eval`], [`cli`], [`draw`] | frames from folders; scores; the offline commands; debug pictures |
+//! | [`messages`], [`decode`] | ROS messages as data; JPEG and PNG |
+//! | [`replay`], [`record`] | frames from folders and bags; the bag that a run leaves |
+//! | [`eval`], [`cli`], [`draw`] | scores; the offline commands; debug pictures |
 //! | `ros` | the node (cargo feature `ros`, on by default) |
 //!
 //! Start reading at [`tracker::lcmht`], or at [`session`] for how it is driven.
@@ -42,6 +44,7 @@
 pub mod cli;
 pub mod crop;
 pub mod dcf;
+pub mod decode;
 pub mod detect;
 pub mod draw;
 pub mod error;
@@ -51,7 +54,9 @@ pub mod filter;
 pub mod frame;
 pub mod geometry;
 pub mod learn;
+pub mod messages;
 pub mod params;
+pub mod record;
 pub mod replay;
 #[cfg(feature = "ros")]
 pub mod ros;

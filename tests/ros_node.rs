@@ -82,19 +82,57 @@ fn the_node_and_the_offline_command_give_the_same_boxes() {
     let said = std::fs::read_to_string(folder.path().join("node.txt")).expect("what the node said");
     let said: Vec<[f64; 5]> = said.lines().map(|line| numbers(line.split(' '))).collect();
 
-    let [x, y, w, h, _] = said[0];
-    let init = format!("{},{},{w},{h}", x - w / 2.0, y - h / 2.0);
-    let output = Command::new(env!("CARGO_BIN_EXE_track")).args([path, "--init", &init]).output().expect("track ran");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let csv = String::from_utf8(output.stdout).expect("text");
-    let rows: Vec<_> = csv.lines().skip(1).map(|row| row.split(',').collect::<Vec<_>>()).collect();
+    let rows = offline(path, corner(&said[0]));
     assert_eq!(rows.len(), said.len());
     for (frame, (row, said)) in rows.iter().zip(&said).enumerate() {
-        let [x, y, w, h] = numbers(row[..4].iter().copied());
-        let state = ["tracking", "uncertain", "lost"].iter().position(|s| *s == row[5]).expect("a state") as f64;
-        // The message holds the centre, computed from the same corner in the same way.
-        assert_eq!([x + w / 2.0, y + h / 2.0, w, h, state], *said, "frame {frame}: {row:?}");
+        assert_eq!(row, said, "frame {frame}");
     }
+}
+
+#[test]
+fn a_recording_played_to_the_node_gives_the_boxes_of_the_offline_command() {
+    for hurried in ["0", "12"] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_owned();
+        let domain = domain();
+        let node = Node::start(domain, &[]);
+        Peer::start(domain, "replay", &[&path(""), hurried]).succeed(&node);
+        let said = std::fs::read_to_string(path("node.txt")).expect("what the node said");
+        let said: Vec<[f64; 6]> = said.lines().map(|line| numbers(line.split(' '))).collect();
+        let said: Vec<(usize, [f64; 5])> = said.iter().map(|&[n, ref x @ ..]| (n as usize, *x)).collect();
+        assert!(said.len() > 60, "of 90 images the node looked at {}", said.len());
+
+        // On what both saw they agree, whatever was skipped.
+        let init = corner(&said[0].1);
+        let seen = offline(&path("seen"), init);
+        assert_eq!(seen, said.iter().map(|(_, said)| *said).collect::<Vec<_>>(), "hurried: {hurried}");
+        // The whole recording teaches the offline command what the node could not know, from the first gap on.
+        let all = offline(&path("recorded"), init);
+        for (n, said) in said.iter().enumerate().take_while(|(n, (number, _))| n == number).map(|(n, (_, s))| (n, s)) {
+            assert_eq!(all[n], *said, "frame {n}, hurried: {hurried}");
+        }
+    }
+}
+
+/// The box on the first image, as an argument.
+fn corner(&[x, y, w, h, _]: &[f64; 5]) -> [f64; 4] {
+    [x - w / 2.0, y - h / 2.0, w, h]
+}
+
+/// What `track` says of each frame, in the terms of the messages: centre, size, number of the state.
+fn offline(source: &str, init: [f64; 4]) -> Vec<[f64; 5]> {
+    let init = init.map(|v| v.to_string()).join(",");
+    let output = Command::new(env!("CARGO_BIN_EXE_track")).args([source, "--init", &init]).output().expect("track ran");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let csv = String::from_utf8(output.stdout).expect("text");
+    let row = |row: &str| {
+        let words: Vec<_> = row.split(',').collect();
+        let [x, y, w, h] = numbers(words[..4].iter().copied());
+        let state = ["tracking", "uncertain", "lost"].iter().position(|s| *s == words[5]).expect("a state") as f64;
+        // The message holds the centre, computed from the same corner in the same way.
+        [x + w / 2.0, y + h / 2.0, w, h, state]
+    };
+    csv.lines().skip(1).map(row).collect()
 }
 
 fn numbers<'a, const N: usize>(texts: impl Iterator<Item = &'a str>) -> [f64; N] {

@@ -14,6 +14,7 @@ use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use crate::error::{NetworkError, ParamsError, StartError};
 use crate::eval::dataset::DatasetError;
 use crate::params::{Assignment, NodeName, Params, Phase, Value, file};
+use crate::record::RecordError;
 use crate::replay::ReplayError;
 
 /// Why a command did not do what it was asked for.
@@ -52,6 +53,15 @@ pub enum Error {
     /// Not every sequence was run to its end; each was reported.
     #[error("{failed} of {runs} runs failed")]
     Sequences { failed: usize, runs: usize },
+}
+
+impl From<RecordError> for Error {
+    fn from(error: RecordError) -> Self {
+        match error {
+            RecordError::Create { path, source } => Self::Create { path, source },
+            RecordError::Write { path, why } => Self::Write { to: path.display().to_string(), why },
+        }
+    }
 }
 
 impl Error {

@@ -21,14 +21,14 @@ impl StageClock {
         self.begun = Some(Instant::now());
     }
 
-    /// The tracker is done with the frame.
-    pub fn end(&mut self) {
+    /// The tracker is done with the frame. Gives how long that took.
+    pub fn end(&mut self) -> Duration {
         let now = Instant::now();
         self.close(now);
-        if let Some(begun) = self.begun.take() {
-            self.total += now - begun;
-            self.frames += 1;
-        }
+        let Some(begun) = self.begun.take() else { return Duration::ZERO };
+        self.total += now - begun;
+        self.frames += 1;
+        now - begun
     }
 
     fn close(&mut self, now: Instant) {

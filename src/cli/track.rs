@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Parser;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -15,6 +15,7 @@ use crate::draw::{self, Scene};
 use crate::frame::Frame;
 use crate::geometry::Rect;
 use crate::params::{Assignment, assignment};
+use crate::record::Recorder;
 use crate::replay::{self, FrameSource, truth};
 use crate::session::Session;
 use crate::tracker::Output;
@@ -28,8 +29,12 @@ use crate::tracker::Output;
 #[derive(Debug, Parser)]
 #[command(name = "track", version)]
 pub struct Args {
-    /// A folder of images (jpg, jpeg, png; in the order of the numbers in their names), or one with them in img/.
+    /// A folder of images (jpg, jpeg, png; in the order of the numbers in their names), or one with them in img/; or a
+    /// rosbag2 recording: its folder, or one file of it (.mcap, .db3).
     source: PathBuf,
+    /// The topic of a bag that has the images; may be left out where there is but one with images.
+    #[arg(long, value_name = "NAME")]
+    topic: Option<String>,
     /// The target's box on the first frame; without it, the first row of a groundtruth_rect.txt beside the images.
     #[arg(long, value_name = "X,Y,W,H", value_parser = truth::parse, allow_hyphen_values = true)]
     init: Option<Rect>,
@@ -49,23 +54,30 @@ pub struct Args {
     /// the response map.
     #[arg(long, value_name = "DIR")]
     annotate: Option<PathBuf>,
+    /// Writes a new bag with the images as they came and, beside them, the topics /tracker/tracks, /tracker/detections
+    /// and /tracker/annotations (for Foxglove's image panel).
+    #[arg(long, value_name = "FILE.mcap")]
+    bag: Option<PathBuf>,
 }
 
 /// Runs the command to the end of the frames.
 pub fn run(args: &Args) -> Result<(), Error> {
     let params = params(&args.params, args.algorithm.as_deref(), &args.set)?;
-    let mut source = replay::open(&args.source).map_err(Error::Source)?;
+    let mut source = replay::open(&args.source, args.topic.as_deref()).map_err(Error::Source)?;
     let (init, from) = target(args, source.as_ref())?;
     let first = source.next_frame().map_err(Error::Read)?;
     let mut session = Session::new(params)?;
     let mut watch = (StageClock::default(), Scene::default());
+    let mut processing = Duration::ZERO;
     if let Some(buffer) = &first {
         watch.0.begin();
         session.start(&buffer.frame(), init, &mut watch).map_err(|source| Error::Start { from, source })?;
-        watch.0.end();
+        processing = watch.0.end();
     }
     let mut rows = Rows::create(args.output.as_deref())?;
     let pictures = args.annotate.as_deref().map(Pictures::create).transpose()?;
+    let algorithm = session.params().general.algorithm.name();
+    let mut bag = args.bag.as_deref().map(|path| Recorder::create(path, algorithm)).transpose()?;
 
     let bar = progress(source.remaining().map(|n| n + 1));
     let begun = Instant::now();
@@ -77,11 +89,14 @@ pub fn run(args: &Args) -> Result<(), Error> {
             watch.1.clear();
             watch.0.begin();
             session.step(&frame, &mut watch);
-            watch.0.end();
+            processing = watch.0.end();
         }
         frames += 1;
         if !rows.write(session.output())? {
             return Ok(());
+        }
+        if let Some(bag) = &mut bag {
+            bag.write(source.origin(), session.output(), processing)?;
         }
         if let Some(pictures) = &pictures {
             pictures.write(frames, &frame, session.output(), &watch.1)?;
@@ -90,6 +105,7 @@ pub fn run(args: &Args) -> Result<(), Error> {
         next = source.next_frame().map_err(Error::Read)?;
     }
     rows.finish()?;
+    bag.map_or(Ok(()), Recorder::finish)?;
     bar.finish_and_clear();
     eprintln!("{}; {:.1} with reading and writing", watch.0, per_second(frames, begun.elapsed()));
     Ok(())

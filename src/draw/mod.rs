@@ -132,7 +132,8 @@ fn placing(frame: &Frame, image: &RgbImage) -> impl Fn(&Rect) -> Rect + use<> {
     move |rect| Rect::new(rect.x * x, rect.y * y, rect.w * x, rect.h * y)
 }
 
-fn colour(state: State) -> Rgb<u8> {
+/// The colour of a target's box: green, amber, red.
+pub fn colour(state: State) -> Rgb<u8> {
     match state {
         State::Tracking => TRACKING,
         State::Uncertain => UNCERTAIN,
@@ -140,7 +141,8 @@ fn colour(state: State) -> Rgb<u8> {
     }
 }
 
-fn caption(target: &Target) -> String {
+/// State, confidence and id in a short line.
+pub fn caption(target: &Target) -> String {
     let found = if target.reacquired { " found" } else { "" };
     format!("{}{found} {:.2} #{}", target.state.name(), target.confidence, target.id)
 }

@@ -67,7 +67,7 @@ pub fn run(
     on_frame: impl Fn(),
 ) -> Result<Run, RunError> {
     let target = sequence.truth.first().copied().flatten().ok_or(RunError::NoTarget)?;
-    let mut source = replay::open(&sequence.path)?;
+    let mut source = replay::open(&sequence.path, None)?;
     let mut session = Session::new(setup.params.clone())?;
     let mut run = Run { outputs: Vec::with_capacity(sequence.truth.len()), processor_time: Duration::ZERO };
     while run.outputs.len() < limit.min(sequence.truth.len()) {

@@ -125,6 +125,38 @@ impl<'a> Frame<'a> {
     }
 }
 
+/// An image that owns its bytes. Its layout has been checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameBuffer {
+    data: Vec<u8>,
+    width: u32,
+    height: u32,
+    step: usize,
+    encoding: Encoding,
+    stamp: Stamp,
+}
+
+impl FrameBuffer {
+    /// Takes the bytes; the layout is as in [`Frame::new`], and so are the errors.
+    pub fn new(
+        data: Vec<u8>,
+        width: u32,
+        height: u32,
+        step: usize,
+        encoding: Encoding,
+        stamp: Stamp,
+    ) -> Result<Self, FrameError> {
+        Frame::new(&data, width, height, step, encoding, stamp)?;
+        Ok(Self { data, width, height, step, encoding, stamp })
+    }
+
+    /// The image, borrowed.
+    pub fn frame(&self) -> Frame<'_> {
+        Frame::new(&self.data, self.width, self.height, self.step, self.encoding, self.stamp)
+            .expect("the layout was checked when the buffer was made")
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

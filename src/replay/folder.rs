@@ -2,11 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use image::{DynamicImage, ImageFormat};
-
 use super::truth::FILE_NAME;
-use super::{FrameBuffer, FrameSource, ReplayError};
-use crate::frame::Encoding;
+use super::{FrameBuffer, FrameSource, Origin, ReplayError};
+use crate::decode::decode;
 
 /// Names that images end in, in any case.
 pub const EXTENSIONS: [&str; 3] = ["jpg", "jpeg", "png"];
@@ -20,6 +18,8 @@ const MAX_LINK: usize = 1024;
 pub struct Folder {
     images: std::vec::IntoIter<PathBuf>,
     path: PathBuf,
+    /// The last image file, as it was read.
+    bytes: Vec<u8>,
 }
 
 impl Folder {
@@ -39,13 +39,19 @@ impl Folder {
             return Err(ReplayError::NoImages { path });
         }
         alphanumeric_sort::sort_path_slice(&mut images);
-        Ok(Self { images: images.into_iter(), path })
+        Ok(Self { images: images.into_iter(), path, bytes: Vec::new() })
     }
 }
 
 impl FrameSource for Folder {
     fn next_frame(&mut self) -> Result<Option<FrameBuffer>, ReplayError> {
-        self.images.next().map(|path| read(&path)).transpose()
+        let Some(path) = self.images.next() else { return Ok(None) };
+        self.bytes = load(&path)?;
+        decoded(&path, &self.bytes).map(Some)
+    }
+
+    fn origin(&self) -> Origin<'_> {
+        Origin::File(&self.bytes)
     }
 
     fn remaining(&self) -> Option<usize> {
@@ -66,25 +72,13 @@ fn is_image(path: &Path) -> bool {
     !hidden && path.extension().and_then(|e| e.to_str()).is_some_and(known) && !path.is_dir()
 }
 
-/// Reads an image file. Grey stays grey; more than 8 bits a channel become 8; transparency is ignored.
+/// Reads an image file; see [`decode`].
 pub fn read(path: &Path) -> Result<FrameBuffer, ReplayError> {
-    let bytes = load(path)?;
-    let broken = |why: String| ReplayError::Decode { path: path.to_owned(), why };
-    let format = image::guess_format(&bytes).map_err(|_| broken(format!("{} bytes are no image", bytes.len())))?;
-    if format == ImageFormat::Jpeg && !is_whole_jpeg(&bytes) {
-        return Err(broken(format!("the JPEG data is cut off after {} bytes", bytes.len())));
-    }
-    let image = image::load_from_memory_with_format(&bytes, format).map_err(|e| broken(e.to_string()))?;
-    let (width, height) = (image.width(), image.height());
-    let (data, encoding) = match image {
-        DynamicImage::ImageRgb8(pixels) => (pixels.into_raw(), Encoding::Rgb8),
-        DynamicImage::ImageRgba8(pixels) => (pixels.into_raw(), Encoding::Rgba8),
-        grey if !grey.color().has_color() => (grey.into_luma8().into_raw(), Encoding::Mono8),
-        other => (other.into_rgb8().into_raw(), Encoding::Rgb8),
-    };
-    let step = width as usize * encoding.bytes();
-    FrameBuffer::new(data, width, height, step, encoding, None)
-        .map_err(|source| ReplayError::Frame { path: path.to_owned(), source })
+    decoded(path, &load(path)?)
+}
+
+fn decoded(path: &Path, bytes: &[u8]) -> Result<FrameBuffer, ReplayError> {
+    decode(bytes, None).map_err(|source| ReplayError::Decode { path: path.to_owned(), source })
 }
 
 /// The bytes of a file, or of the one it stands for: archives and file systems without symbolic links keep such a
@@ -103,18 +97,12 @@ fn load(path: &Path) -> Result<Vec<u8>, ReplayError> {
     }
 }
 
-/// Whether an end marker follows the last start of a scan. The decoder would fill what is missing with grey.
-fn is_whole_jpeg(bytes: &[u8]) -> bool {
-    const SCAN: [u8; 2] = [0xff, 0xda];
-    const END: [u8; 2] = [0xff, 0xd9];
-    let end = bytes.windows(2).rposition(|w| w == END);
-    end.is_some_and(|end| !bytes[end..].windows(2).any(|w| w == SCAN))
-}
-
 #[cfg(test)]
 mod tests {
+    use image::{DynamicImage, ImageBuffer, Luma, Rgb, Rgba};
+
     use super::*;
-    use image::{ImageBuffer, Luma, Rgb, Rgba};
+    use crate::frame::Encoding;
 
     fn gradient() -> image::RgbImage {
         image::RgbImage::from_fn(64, 48, |x, y| Rgb([4 * x as u8, 5 * y as u8, (3 * x * y) as u8]))
@@ -156,7 +144,7 @@ mod tests {
         let encoding = |image: DynamicImage| {
             image.save(&path).unwrap();
             let buffer = read(&path).unwrap();
-            (buffer.encoding, buffer.frame().rgb(1, 0))
+            (buffer.frame().encoding(), buffer.frame().rgb(1, 0))
         };
         let rgb: ImageBuffer<Rgb<u8>, _> = ImageBuffer::from_pixel(3, 2, Rgb([1, 2, 3]));
         assert_eq!(encoding(rgb.into()), (Encoding::Rgb8, [1, 2, 3]));

@@ -1,15 +1,18 @@
 //! Recorded frames: where they come from, one at a time, and the boxes that were marked on them.
 //!
-//! A [`FrameSource`] gives owned frames in order; [`open`] finds the right one for a path. What reads frames knows
-//! nothing of trackers, and a tracker nothing of files.
+//! A [`FrameSource`] gives owned frames in order, from a [`folder`] or a [`bag`]; [`open`] finds the right one for a
+//! path. What reads frames knows nothing of trackers, and a tracker nothing of files.
 
+pub mod bag;
 pub mod folder;
 pub mod truth;
 
 use std::path::{Path, PathBuf};
 
-use crate::error::FrameError;
-use crate::frame::{Encoding, Frame, Stamp};
+use self::bag::{BagError, Picture};
+use crate::decode::DecodeError;
+pub use crate::frame::FrameBuffer;
+use crate::messages::Header;
 
 /// Why recorded frames or boxes cannot be read. Each message names the file.
 #[derive(Debug, thiserror::Error)]
@@ -18,61 +21,35 @@ pub enum ReplayError {
     #[error("{}: no such file or folder", .0.display())]
     Missing(PathBuf),
     /// The path holds something that frames cannot be read from.
-    #[error("{}: no folder of images", .0.display())]
+    #[error("{}: no folder of images and no bag (MCAP or SQLite)", .0.display())]
     Unsupported(PathBuf),
+    /// A topic was named where there are none.
+    #[error("{}: a folder of images has no topic '{topic}'", path.display())]
+    NoTopics { path: PathBuf, topic: String },
     /// A folder without a single image.
     #[error("{}: no images ({known}) in the folder", path.display(), known = folder::EXTENSIONS.join(", "))]
     NoImages { path: PathBuf },
     /// The file system refuses.
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
-    /// The file is no image, or a broken one.
-    #[error("{}: cannot be decoded: {why}", path.display())]
-    Decode { path: PathBuf, why: String },
-    /// The image was decoded but cannot be tracked on.
+    /// The file is no image that can be tracked on.
     #[error("{}: {source}", path.display())]
-    Frame { path: PathBuf, source: FrameError },
+    Decode { path: PathBuf, source: DecodeError },
+    /// The bag, or a message in it.
+    #[error(transparent)]
+    Bag(#[from] BagError),
     /// A row of a file of boxes that is none.
     #[error("{}, line {line}: '{text}' is no box: {why}", path.display())]
     Box { path: PathBuf, line: usize, text: String, why: String },
-}
-
-/// An image that owns its bytes. Its layout has been checked.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FrameBuffer {
-    data: Vec<u8>,
-    width: u32,
-    height: u32,
-    step: usize,
-    encoding: Encoding,
-    stamp: Stamp,
-}
-
-impl FrameBuffer {
-    /// Takes the bytes; the layout is as in [`Frame::new`], and so are the errors.
-    pub fn new(
-        data: Vec<u8>,
-        width: u32,
-        height: u32,
-        step: usize,
-        encoding: Encoding,
-        stamp: Stamp,
-    ) -> Result<Self, FrameError> {
-        Frame::new(&data, width, height, step, encoding, stamp)?;
-        Ok(Self { data, width, height, step, encoding, stamp })
-    }
-
-    /// The image, borrowed.
-    pub fn frame(&self) -> Frame<'_> {
-        Frame::new(&self.data, self.width, self.height, self.step, self.encoding, self.stamp)
-            .expect("the layout was checked when the buffer was made")
-    }
 }
 
 /// Frames in the order in which they were taken.
 pub trait FrameSource: Send {
     /// The next frame, `None` after the last. After an error the source stands behind what it could not read.
     fn next_frame(&mut self) -> Result<Option<FrameBuffer>, ReplayError>;
+
+    /// What the last frame was read from, so that it can be passed on as it was.
+    fn origin(&self) -> Origin<'_>;
 
     /// How many frames are still to come, where that is known.
     fn remaining(&self) -> Option<usize>;
@@ -81,10 +58,25 @@ pub trait FrameSource: Send {
     fn truth_candidates(&self) -> Vec<PathBuf>;
 }
 
-/// The frames at `path`: a folder of images, or one that has them in `img/`.
-pub fn open(path: &Path) -> Result<Box<dyn FrameSource>, ReplayError> {
-    if path.is_dir() {
-        Ok(Box::new(folder::Folder::open(path)?))
+/// What a frame was read from.
+#[derive(Clone, Copy, Debug)]
+pub enum Origin<'a> {
+    /// The bytes of an image file, JPEG or PNG.
+    File(&'a [u8]),
+    /// A message of a bag: its topic and type, when it was recorded (nanoseconds), and its bytes, header included.
+    Message { topic: &'a str, picture: Picture, log_time: u64, header: &'a Header, bytes: &'a [u8] },
+}
+
+/// The frames at `path`: a folder of images, or one that has them in `img/`; or those of a topic of a bag, which may be
+/// left out where there is but one with images.
+pub fn open(path: &Path, topic: Option<&str>) -> Result<Box<dyn FrameSource>, ReplayError> {
+    if bag::is_bag(path) {
+        Ok(Box::new(bag::Bag::open(path, topic)?))
+    } else if path.is_dir() {
+        match topic {
+            None => Ok(Box::new(folder::Folder::open(path)?)),
+            Some(topic) => Err(ReplayError::NoTopics { path: path.to_owned(), topic: topic.to_owned() }),
+        }
     } else if path.exists() {
         Err(ReplayError::Unsupported(path.to_owned()))
     } else {

@@ -18,7 +18,6 @@
 pub mod answers;
 pub mod args;
 pub mod commands;
-pub mod convert;
 pub mod debug;
 pub mod diagnostics;
 pub mod endpoints;
@@ -26,7 +25,6 @@ pub mod env;
 pub mod fault;
 pub mod inbox;
 pub mod logging;
-pub mod messages;
 pub mod names;
 pub mod node;
 pub mod parameter_services;
@@ -38,6 +36,8 @@ pub mod worker;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
+
+pub use crate::messages::{self, convert};
 
 /// Runs the node with the arguments of a process, the first being the program's name, until a signal ends it.
 ///

@@ -7,6 +7,7 @@ import struct
 import sys
 import traceback
 import zlib
+from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from peer import *  # noqa: F403
@@ -19,6 +20,10 @@ from rcl_interfaces.srv import (
     SetParameters,
     SetParametersAtomically,
 )
+from rclpy.serialization import deserialize_message, serialize_message
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
 
 def integer(name, value):
@@ -296,6 +301,60 @@ def offline(folder):
         for track in (t.tracks[0] for t in said):
             print(track.center_x, track.center_y, track.size_x, track.size_y, track.state, file=file)
     peer.close()
+
+
+def record(bag, count):
+    """A recording of the scene, in which the target is hidden for a while; gives its times and messages."""
+    scene = Scene()
+    scene.hidden = range(count // 3, count // 2)
+    recorded = []
+    with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topic = writer.add_connection("/image", "sensor_msgs/msg/Image", typestore=get_typestore(Stores.ROS2_JAZZY))
+        for index in range(count):
+            message = image_message(scene.rgb(index), "rgb8", index)
+            due = stamp_of(message)[0] * 1_000_000_000 + stamp_of(message)[1] + 5_000_000
+            writer.write(topic, due, serialize_message(message))
+            recorded.append((due, message))
+    return recorded
+
+
+def replay(folder, hurried):
+    """A recording played to the node at its own pace, but for the last images, which follow each other at once. Leaves
+    the recording, one of the images that the node looked at, and what it said of them."""
+    folder, hurried = Path(folder), int(hurried)
+    record(folder / "recorded", 90)
+    with AnyReader([folder / "recorded"]) as reader:
+        recorded = [(due, deserialize_message(bytes(data), Image)) for _, due, data in reader.messages()]
+    peer = Peer()
+    # The image that is sent until it is answered is none of the recording, for that must not come twice.
+    peer.index = -1
+    peer.connect()
+    peer.index = 0
+    peer.send(recorded[0][1])
+    peer.start()
+
+    began = time.monotonic() - recorded[0][0] * 1e-9
+    for number, (due, image) in enumerate(recorded[1:], 1):
+        while number < len(recorded) - hurried and (left := began + due * 1e-9 - time.monotonic()) > 0:
+            peer.executor.spin_once(timeout_sec=left)
+        peer.images.publish(image)
+    # The node never skips the newest, but it may be lost on the way.
+    last, end = stamp_of(recorded[-1][1]), time.monotonic() + 2
+    while time.monotonic() < end and not any(stamp_of(t) == last for t in peer.tracks):
+        peer.executor.spin_once(timeout_sec=0.1)
+    said = {stamp_of(t): t.tracks[0] for t in peer.tracks if t.tracks}
+    assert len(said) == sum(bool(t.tracks) for t in peer.tracks), "no image is looked at twice"
+    peer.close()
+
+    with Writer(folder / "seen", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topic = writer.add_connection("/image", "sensor_msgs/msg/Image", typestore=get_typestore(Stores.ROS2_JAZZY))
+        with open(folder / "node.txt", "w") as file:
+            for number, (due, image) in enumerate(recorded):
+                if track := said.pop(stamp_of(image), None):
+                    writer.write(topic, due, serialize_message(image))
+                    box = track.center_x, track.center_y, track.size_x, track.size_y, track.state
+                    print(number, *box, file=file)
+    assert not said, "the node says nothing of images that were not sent"
 
 
 def png(rgb):

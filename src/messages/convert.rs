@@ -2,12 +2,13 @@
 
 use std::time::Duration;
 
-use super::messages::{
-    BoundingBox2D, Detection2D, Detection2DArray, Header, Image, ObjectHypothesis, ObjectHypothesisWithPose, Point2D,
-    Pose2D, RegionOfInterest, Track, TrackArray,
+use super::{
+    BoundingBox2D, CompressedImage, Detection2D, Detection2DArray, Header, Image, ObjectHypothesis,
+    ObjectHypothesisWithPose, Point2D, Pose2D, RegionOfInterest, Track, TrackArray,
 };
+use crate::decode::{DecodeError, decode};
 use crate::error::FrameError;
-use crate::frame::{Encoding, Frame};
+use crate::frame::{Encoding, Frame, FrameBuffer};
 use crate::geometry::Rect;
 use crate::tracker::{Output, State, Target};
 
@@ -43,9 +44,19 @@ impl Received {
 }
 
 fn frame(image: &Image, encoding: Encoding) -> Result<Frame<'_>, FrameError> {
-    // A stamp of zero is what sources without a clock send.
-    let stamp = Some(image.header.stamp.nanos()).filter(|&nanos| nanos != 0);
-    Frame::new(&image.data, image.width, image.height, image.step as usize, encoding, stamp)
+    Frame::new(&image.data, image.width, image.height, image.step as usize, encoding, image.header.stamp())
+}
+
+/// The image in a message as a frame with its own bytes.
+pub fn raw(image: Image) -> Result<FrameBuffer, FrameError> {
+    let encoding = Encoding::parse(&image.encoding, image.is_bigendian != 0)?;
+    let stamp = image.header.stamp();
+    FrameBuffer::new(image.data, image.width, image.height, image.step as usize, encoding, stamp)
+}
+
+/// The JPEG or PNG image in a message; its bytes tell which, whatever the format is said to be.
+pub fn compressed(image: &CompressedImage) -> Result<FrameBuffer, DecodeError> {
+    decode(&image.data, image.header.stamp())
 }
 
 /// What a mark asks for.
@@ -129,7 +140,7 @@ fn detection(header: &Header, target: &Target) -> Detection2D {
 
 #[cfg(test)]
 mod tests {
-    use super::super::messages::Time;
+    use super::super::Time;
     use super::*;
 
     fn header() -> Header {

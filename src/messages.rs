@@ -1,16 +1,31 @@
-//! The messages on the wire, field by field as their `.msg` and `.srv` files have them.
+//! The messages on the wire and in bags, field by field as their `.msg` and `.srv` files have them.
 //!
-//! What `ros2-client` itself defines (the parameter services, `/rosout`) is used from there.
+//! [`cdr`] is how they are laid out in bytes, [`schema`] the text that describes them to others, [`convert`] goes from
+//! them to the core's types and back. What `ros2-client` itself defines (the parameter services, `/rosout`) is used from
+//! there.
 
+pub mod cdr;
+pub mod convert;
+pub mod schema;
+
+#[cfg(feature = "ros")]
 use ros2_client::{Message, MessageTypeName, ServiceTypeName};
 use serde::{Deserialize, Serialize};
+
+use crate::frame::Stamp;
 
 /// A message that has a type name, so that a topic can be made of it.
 pub trait Topic: Serialize + 'static {
     /// Package and type, as in `sensor_msgs` and `Image`.
     const TYPE: (&'static str, &'static str);
 
+    /// The name in bags, as in `sensor_msgs/msg/Image`.
+    fn full_name() -> String {
+        format!("{}/msg/{}", Self::TYPE.0, Self::TYPE.1)
+    }
+
     /// The name for the ROS 2 library.
+    #[cfg(feature = "ros")]
     fn type_name() -> MessageTypeName {
         MessageTypeName::new(Self::TYPE.0, Self::TYPE.1)
     }
@@ -27,6 +42,7 @@ macro_rules! messages {
             const TYPE: (&'static str, &'static str) = ($package, stringify!($name));
         }
 
+        #[cfg(feature = "ros")]
         impl Message for $name {}
     )*};
 }
@@ -105,6 +121,44 @@ messages! {
         skipped: u32,
         processing_time: Duration,
     }
+
+    "foxglove_msgs" / Point2 { x: f64, y: f64 }
+    "foxglove_msgs" / Color { r: f64, g: f64, b: f64, a: f64 }
+    "foxglove_msgs" / CircleAnnotation {
+        timestamp: Time,
+        position: Point2,
+        diameter: f64,
+        thickness: f64,
+        fill_color: Color,
+        outline_color: Color,
+    }
+    "foxglove_msgs" / PointsAnnotation {
+        timestamp: Time,
+        r#type: u8,
+        points: Vec<Point2>,
+        outline_color: Color,
+        outline_colors: Vec<Color>,
+        fill_color: Color,
+        thickness: f64,
+    }
+    "foxglove_msgs" / TextAnnotation {
+        timestamp: Time,
+        position: Point2,
+        text: String,
+        font_size: f64,
+        text_color: Color,
+        background_color: Color,
+    }
+    "foxglove_msgs" / ImageAnnotations {
+        circles: Vec<CircleAnnotation>,
+        points: Vec<PointsAnnotation>,
+        texts: Vec<TextAnnotation>,
+    }
+}
+
+impl PointsAnnotation {
+    /// The points are the corners of a closed line.
+    pub const LINE_LOOP: u8 = 2;
 }
 
 impl Track {
@@ -114,6 +168,13 @@ impl Track {
     pub const UNCERTAIN: u8 = 1;
     /// It is not in sight; the box is the best guess.
     pub const LOST: u8 = 2;
+}
+
+impl Header {
+    /// When the image was taken. A stamp of zero is what sources without a clock send.
+    pub fn stamp(&self) -> Stamp {
+        Some(self.stamp.nanos()).filter(|&nanos| nanos != 0)
+    }
 }
 
 impl Time {
@@ -144,6 +205,7 @@ pub struct TriggerRequest {
     /// Filler.
     pub structure_needs_at_least_one_member: u8,
 }
+#[cfg(feature = "ros")]
 impl Message for TriggerRequest {}
 
 /// The response of `std_srvs/srv/Trigger`.
@@ -154,9 +216,11 @@ pub struct TriggerResponse {
     /// What was done, or why not.
     pub message: String,
 }
+#[cfg(feature = "ros")]
 impl Message for TriggerResponse {}
 
 /// The type of `~/stop` and `~/restart`.
+#[cfg(feature = "ros")]
 pub fn trigger() -> ServiceTypeName {
     ServiceTypeName::new("std_srvs", "Trigger")
 }
