@@ -37,12 +37,6 @@ fn a_target_is_marked_followed_stopped_and_taken_up_again() {
 }
 
 #[test]
-fn the_parameter_services_serve_the_one_table() {
-    let log = scenario("parameters", &[]);
-    assert!(log.contains("parameters refused: parameter 'debug.max_side' must lie in 16 to 4096, got 5"), "{log}");
-}
-
-#[test]
 fn bad_input_is_told_and_changes_nothing() {
     let log = scenario("bad_input", &[]);
     assert!(

@@ -304,10 +304,11 @@ mod tests {
         let mut scene = Scene::default();
         scene.search_window(Rect::new(20.0, 10.0, 160.0, 90.0));
         scene.response(&ResponseMap { values: &[0.0, 0.0, 0.0, 0.9], rows: 2, cols: 2, window: rect });
-        let image = annotated(&frame(&data), &output(rect, State::Tracking), &scene, 100);
-        assert_eq!(image.dimensions(), (100, 60));
-        let drawn = extent(&image, SEARCH_WINDOW).unwrap();
+        let bare = annotated(&frame(&data), &Output::default(), &scene, 100);
+        assert_eq!(bare.dimensions(), (100, 60));
+        let drawn = extent(&bare, SEARCH_WINDOW).unwrap();
         assert!(drawn.iou(&Rect::new(10.0, 5.0, 80.0, 45.0)) > 0.9, "{drawn}");
+        let image = annotated(&frame(&data), &output(rect, State::Tracking), &scene, 100);
         assert_eq!(*image.get_pixel(40, 30), TRACKING);
         let map = response(&frame(&data), &scene, 100);
         let green = |x, y| map.get_pixel(x, y)[1];

@@ -45,7 +45,6 @@ impl fmt::Display for Value {
         fn list<T>(f: &mut fmt::Formatter<'_>, items: &[T], one: impl Fn(&T) -> String) -> fmt::Result {
             write!(f, "[{}]", items.iter().map(one).collect::<Vec<_>>().join(", "))
         }
-        let double = |v: &f64| format!("{v:?}");
         let quoted = |v: &String| format!("{v:?}");
         match self {
             Self::Bool(v) => write!(f, "{v}"),
@@ -58,6 +57,15 @@ impl fmt::Display for Value {
             Self::StringArray(v) => list(f, v, quoted),
         }
     }
+}
+
+/// The number with a point and, in an exponent, a sign: without both, YAML 1.1 (and so Python) takes `1e-5` for text.
+fn double(v: &f64) -> String {
+    let text = format!("{v:?}");
+    let Some((mantissa, exponent)) = text.split_once('e') else { return text };
+    let point = if mantissa.contains('.') { "" } else { ".0" };
+    let sign = if exponent.starts_with('-') { "" } else { "+" };
+    format!("{mantissa}{point}e{sign}{exponent}")
 }
 
 /// The type of a parameter; the discriminants are those of `rcl_interfaces/msg/ParameterType`.
@@ -191,4 +199,18 @@ stored! {
     Vec<i64> => IntegerArray,
     Vec<f64> => DoubleArray,
     Vec<String> => StringArray,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_written_so_that_every_yaml_reader_takes_them_for_numbers() {
+        for (number, written) in [(1e-5, "1.0e-5"), (2.5e-7, "2.5e-7"), (1e16, "1.0e+16"), (0.25, "0.25"), (3.0, "3.0")]
+        {
+            assert_eq!(Value::Double(number).to_string(), written);
+            assert_eq!(written.parse(), Ok(number));
+        }
+    }
 }

@@ -1,14 +1,14 @@
 //! Topics and services, with absolute names and their quality of service.
 
 use ros2_client::qos::{History, WhenFull};
-use ros2_client::ros2::{QosPolicyBuilder, policy};
 use ros2_client::{
     Context, Message, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, ServiceMapping, ServiceTypeName,
     Subscription,
 };
-use rustdds::{QosPolicies, TopicKind};
+use rustdds::{QosPolicies, TopicKind, policy};
 
 use super::fault::Fault;
+use super::image_qos::ImageQos;
 use super::messages::{Image, Topic};
 use super::names::Names;
 use super::service::Service;
@@ -18,15 +18,6 @@ const DEPTH: usize = 10;
 
 /// How many pictures are kept for a peer that lags.
 const PICTURES: i32 = 4;
-
-/// How images are read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ImageReliability {
-    /// Sensor-data quality of service: what is lost is lost.
-    BestEffort,
-    /// Lost parts are asked for again.
-    Reliable,
-}
 
 /// A node on the network, and what its things are called.
 pub struct Endpoints {
@@ -51,19 +42,9 @@ impl Endpoints {
         Ok(Self { context, node, names, dds_name })
     }
 
-    /// Reads images. One sample is kept at most, or a slow reader sees ever older ones and memory grows.
-    pub fn images(&mut self, name: &Name, reliability: ImageReliability) -> Result<Subscription<Image>, Fault> {
-        let reliability = match reliability {
-            ImageReliability::BestEffort => policy::Reliability::BestEffort,
-            ImageReliability::Reliable => policy::Reliability::Reliable { max_blocking_time: rustdds::Duration::ZERO },
-        };
-        let qos = QosPolicyBuilder::new()
-            .reliability(reliability)
-            .durability(policy::Durability::Volatile)
-            .history(policy::History::KeepLast { depth: 1 })
-            .resource_limits(limit(1))
-            .build();
-        let topic = self.dds_topic::<Image>(name, &qos)?;
+    /// Reads images.
+    pub fn images(&mut self, name: &Name, qos: ImageQos) -> Result<Subscription<Image>, Fault> {
+        let topic = self.dds_topic::<Image>(name, &qos.policies())?;
         self.node.create_subscription(&topic, None).map_err(|e| Fault::system(format!("subscribe to {name}"), e))
     }
 
@@ -92,11 +73,13 @@ impl Endpoints {
     /// Writes pictures to whoever looks, reliably to those who ask for it. As few are kept for them as can be, so that
     /// one that is stuck neither blocks the writer nor lets memory grow.
     pub fn image_publisher<M: Topic>(&mut self, name: &str) -> Result<Publisher<M>, Fault> {
-        let qos = QosPolicyBuilder::new()
+        let limits =
+            policy::ResourceLimits { max_samples: PICTURES, max_instances: 1, max_samples_per_instance: PICTURES };
+        let qos = QosPolicies::builder()
             .reliability(policy::Reliability::Reliable { max_blocking_time: rustdds::Duration::ZERO })
             .durability(policy::Durability::Volatile)
             .history(policy::History::KeepLast { depth: 1 })
-            .resource_limits(limit(PICTURES))
+            .resource_limits(limits)
             .build();
         let name = self.names.topic(name)?;
         let topic = self.dds_topic::<M>(&name, &qos)?;
@@ -124,10 +107,6 @@ impl Endpoints {
         let replies = name.to_dds_name("rr", &self.dds_name, "Reply");
         Ok(Service { server, participant: self.context.domain_participant(), replies })
     }
-}
-
-fn limit(samples: i32) -> policy::ResourceLimits {
-    policy::ResourceLimits { max_samples: samples, max_instances: 1, max_samples_per_instance: samples }
 }
 
 fn reliable() -> QosProfile {

@@ -15,7 +15,6 @@
 //! [`messages`] are the types on the wire, [`convert`] goes from them to the core's types and back, [`logging`] sends
 //! log lines to the terminal and to `/rosout`, [`stats`] counts, and [`diagnostics`] tells of it.
 
-pub mod answers;
 pub mod args;
 pub mod commands;
 pub mod debug;
@@ -23,6 +22,7 @@ pub mod diagnostics;
 pub mod endpoints;
 pub mod env;
 pub mod fault;
+pub mod image_qos;
 pub mod inbox;
 pub mod logging;
 pub mod names;

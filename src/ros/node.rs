@@ -82,7 +82,7 @@ impl Threads {
         let (open, closed) = bounded(1);
         let topic = endpoints.names.topic("image")?;
         let receive = Receive {
-            subscription: endpoints.images(&topic, settings.image_reliability())?,
+            subscription: endpoints.images(&topic, settings.image_qos())?,
             topic,
             context: endpoints.context.clone(),
             inbox: inbox.clone(),

@@ -14,14 +14,13 @@ use ros2_client::rcl_interfaces::{
 };
 use ros2_client::{Publisher, ServiceTypeName, builtin_interfaces};
 
-use super::answers::{fits, whole_or_empty};
 use super::endpoints::Endpoints;
 use super::fault::Fault;
 use super::inbox::{Command, Inbox};
 use super::parameters::{Settings, Store};
 use super::service::Service;
 use crate::error::ParamsError;
-use crate::params::{Assignment, Range, Value};
+use crate::params::{Assignment, Kind, Range, Value};
 
 /// The services, and where what they set goes.
 pub struct ParameterServices {
@@ -61,37 +60,15 @@ impl ParameterServices {
     pub async fn serve(&self) {
         let current = || self.store.current();
         join!(
-            self.get.serve(async |q| {
-                whole_or_empty(&q.names, |names| GetParametersResponse { values: values(&current(), names) })
-            }),
-            self.get_types.serve(async |q| {
-                whole_or_empty(&q.names, |names| GetParameterTypesResponse { values: types(&current(), names) })
-            }),
-            self.list.serve(async |q| self.list_what_fits(&q)),
-            self.describe.serve(async |q| {
-                whole_or_empty(&q.names, |names| DescribeParametersResponse { values: descriptions(&current(), names) })
-            }),
+            self.get.serve(async |q| GetParametersResponse { values: values(&current(), &q.names) }),
+            self.get_types.serve(async |q| GetParameterTypesResponse { values: types(&current(), &q.names) }),
+            self.list.serve(async |q| ListParametersResponse { result: list(&current(), &q.prefixes, q.depth) }),
+            self.describe.serve(async |q| DescribeParametersResponse { values: descriptions(&current(), &q.names) }),
             self.set.serve(async |q| SetParametersResponse {
                 results: q.parameter.into_iter().map(|p| self.change(vec![p])).collect(),
             }),
             self.set_atomically.serve(async |q| SetParametersAtomicallyResponse { result: self.change(q.parameter) }),
         );
-    }
-
-    /// The names, as many as an answer holds.
-    fn list_what_fits(&self, request: &ListParametersRequest) -> ListParametersResponse {
-        let mut answer =
-            ListParametersResponse { result: list(&self.store.current(), &request.prefixes, request.depth) };
-        let wanted = answer.result.names.len();
-        while !fits(&answer) && answer.result.names.pop().is_some() {}
-        if answer.result.names.len() < wanted {
-            warn!(
-                "only {} of {wanted} parameters are listed; for the others ask with a prefix: {}",
-                answer.result.names.len(),
-                answer.result.prefixes.join(", ")
-            );
-        }
-        answer
     }
 
     fn change(&self, changes: Vec<raw::Parameter>) -> raw::SetParametersResult {
@@ -117,12 +94,13 @@ impl ParameterServices {
 
     fn assignment(&self, parameter: raw::Parameter) -> Result<Assignment, ParamsError> {
         let raw::Parameter { name, value } = parameter;
-        match from_raw(value) {
-            Ok(value) => Ok((name, value)),
-            Err(got) => match self.store.current().describe(&name) {
-                Some(d) => Err(ParamsError::Type { name, expected: d.kind.name(), got: got.to_owned() }),
-                None => Err(ParamsError::Unknown { name, hint: String::new() }),
-            },
+        let kind = self.store.current().describe(&name).map(|d| d.kind);
+        match (from_raw(value), kind) {
+            (Ok(value), Some(kind)) => Ok((name, number(value, kind))),
+            // The table refuses it, and knows names that are close.
+            (Ok(value), None) => Ok((name, value)),
+            (Err(got), Some(kind)) => Err(ParamsError::Type { name, expected: kind.name(), got: got.to_owned() }),
+            (Err(_), None) => Err(ParamsError::Unknown { name, hint: String::new() }),
         }
     }
 
@@ -198,9 +176,7 @@ fn list(settings: &Settings, prefixes: &[String], depth: u64) -> ListParametersR
             below.is_some_and(|rest| rest.is_empty() || depth == 0 || levels(rest) < depth)
         })
     };
-    let mut names: Vec<String> = settings.names().into_iter().filter(|n| wanted(n)).map(str::to_owned).collect();
-    // What stands outside all groups comes first: no prefix asks for it.
-    names.sort_by_key(|name| levels(name));
+    let names: Vec<String> = settings.names().into_iter().filter(|n| wanted(n)).map(str::to_owned).collect();
     let mut groups: Vec<String> = names.iter().filter_map(|n| n.rsplit_once('.')).map(|(g, _)| g.to_owned()).collect();
     groups.sort_unstable();
     groups.dedup();
@@ -232,6 +208,15 @@ fn to_raw(value: Option<&Value>) -> raw::ParameterValue {
         Some(Value::StringArray(v)) => raw.string_array.clone_from(v),
     }
     raw
+}
+
+/// A double that came as text. rclpy makes text of doubles below 0.0001 when it loads a parameter file, for it writes
+/// them as `1e-05`, which is no number in its YAML.
+fn number(value: Value, kind: Kind) -> Value {
+    match &value {
+        Value::String(text) if kind == Kind::Double => text.parse().map_or(value, Value::Double),
+        _ => value,
+    }
 }
 
 /// The value, or what it is instead of one.
@@ -280,12 +265,20 @@ mod tests {
         };
         assert_eq!(names(&[], 0).len(), settings.names().len());
         assert!(names(&[], 1).iter().all(|n| !n.contains('.')));
-        assert_eq!(names(&["debug"], 0), ["debug.jpeg_quality", "debug.max_side"]);
+        assert_eq!(names(&["debug"], 0), ["debug.compressed_max_side", "debug.jpeg_quality", "debug.max_side"]);
         assert!(names(&["debug"], 1).is_empty());
         assert_eq!(names(&["seed"], 1), ["seed"]);
         assert!(names(&["deb"], 0).is_empty());
         let all = list(&settings, &[], 0);
         assert!(all.prefixes.contains(&"debug".to_owned()));
+    }
+
+    #[test]
+    fn text_is_taken_for_a_double_where_it_is_one() {
+        let text = |t: &str| Value::String(t.to_owned());
+        assert_eq!(number(text("1e-05"), Kind::Double), Value::Double(1e-5));
+        assert_eq!(number(text("little"), Kind::Double), text("little"));
+        assert_eq!(number(text("1e-05"), Kind::String), text("1e-05"));
     }
 
     #[test]

@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use log::warn;
 
 use super::args::Source;
-use super::endpoints::ImageReliability;
 use super::fault::Fault;
+use super::image_qos::ImageQos;
 use crate::error::ParamsError;
 use crate::params::{self, Assignment, Kind, NodeName, Params, Phase, Range, Value};
 use crate::tracker;
@@ -14,8 +14,8 @@ use crate::tracker;
 /// Names below which every node accepts parameters that concern only some of its topics.
 const QOS_OVERRIDES: &str = "qos_overrides.";
 const USE_SIM_TIME: &str = "use_sim_time";
-const BEST_EFFORT: &str = "best_effort";
-const RELIABLE: &str = "reliable";
+/// How many images may be kept, at most.
+const MAX_DEPTH: i64 = 1000;
 
 /// A parameter that is no part of the package's table.
 #[derive(Debug, Clone)]
@@ -23,6 +23,7 @@ struct NodeParameter {
     name: String,
     description: &'static str,
     choices: &'static [&'static str],
+    range: Option<Range>,
     live: bool,
     value: Value,
 }
@@ -51,34 +52,66 @@ pub struct Settings {
     pub params: Params,
     /// Every node's.
     own: Vec<NodeParameter>,
+    /// What the names of the parameters for the image topic begin with.
+    qos_prefix: String,
 }
 
 impl Settings {
     /// The defaults of a node that reads images from `image_topic`.
     pub fn new(image_topic: &str) -> Self {
+        let qos_prefix = format!("{QOS_OVERRIDES}{image_topic}.subscription.");
+        let fixed = |policy, description, choices, range, value| NodeParameter {
+            name: format!("{qos_prefix}{policy}"),
+            description,
+            choices,
+            range,
+            live: false,
+            value,
+        };
+        let choice = |policy, choices: &'static [&'static str], description| {
+            fixed(policy, description, choices, None, Value::String(choices[0].to_owned()))
+        };
+        let sim_time = "Accepted as every node does; this node takes its time from the stamps of images.";
+        let depth = "How many images are kept until they are read; only the newest is tracked.";
         let own = vec![
             NodeParameter {
                 name: USE_SIM_TIME.to_owned(),
-                description: "Accepted as every node does; this node takes its time from the stamps of images.",
+                description: sim_time,
                 choices: &[],
+                range: None,
                 live: true,
                 value: Value::Bool(false),
             },
-            NodeParameter {
-                name: format!("{QOS_OVERRIDES}{image_topic}.subscription.reliability"),
-                description: "Whether lost parts of images are asked for again.",
-                choices: &[BEST_EFFORT, RELIABLE],
-                live: false,
-                value: Value::String(BEST_EFFORT.to_owned()),
-            },
+            choice(
+                ImageQos::RELIABILITY,
+                &ImageQos::RELIABILITIES,
+                "Whether lost parts of images are asked for again.",
+            ),
+            choice(
+                ImageQos::DURABILITY,
+                &ImageQos::DURABILITIES,
+                "Whether images are wanted that were published before the node was there.",
+            ),
+            choice(ImageQos::HISTORY, &ImageQos::HISTORIES, "Whether images are kept up to the depth or all."),
+            fixed(ImageQos::DEPTH, depth, &[], Some((1..=MAX_DEPTH).into()), Value::Integer(1)),
         ];
-        Self { params: Params::default(), own }
+        Self { params: Params::default(), own, qos_prefix }
     }
 
     /// How images are to be read.
-    pub fn image_reliability(&self) -> ImageReliability {
-        let reliable = self.own.iter().any(|p| p.value == Value::String(RELIABLE.to_owned()));
-        if reliable { ImageReliability::Reliable } else { ImageReliability::BestEffort }
+    pub fn image_qos(&self) -> ImageQos {
+        let value = |policy: &str| self.own(&format!("{}{policy}", self.qos_prefix)).map(|p| &p.value);
+        let other = |policy, choices: [&str; 2]| value(policy) == Some(&Value::String(choices[1].to_owned()));
+        let depth = match value(ImageQos::DEPTH) {
+            Some(Value::Integer(depth)) => i32::try_from(*depth).unwrap_or(i32::MAX),
+            _ => 1,
+        };
+        ImageQos {
+            reliable: other(ImageQos::RELIABILITY, ImageQos::RELIABILITIES),
+            transient_local: other(ImageQos::DURABILITY, ImageQos::DURABILITIES),
+            keep_all: other(ImageQos::HISTORY, ImageQos::HISTORIES),
+            depth,
+        }
     }
 
     /// All names, sorted.
@@ -98,7 +131,7 @@ impl Settings {
     pub fn describe(&self, name: &str) -> Option<Description> {
         let (kind, description, choices, live, range, unit) = match (params::descriptor(name), self.own(name)) {
             (Some(d), _) => (d.default.kind(), d.description, d.choices, d.live, d.range, d.unit),
-            (None, Some(p)) => (p.value.kind(), p.description, p.choices, p.live, None, ""),
+            (None, Some(p)) => (p.value.kind(), p.description, p.choices, p.live, p.range, ""),
             (None, None) => return None,
         };
         let unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
@@ -171,6 +204,9 @@ impl NodeParameter {
             && !self.choices.contains(&got.as_str())
         {
             return Err(ParamsError::Choice { name, choices: self.choices.join(", "), got: got.clone() });
+        }
+        if let Some(range) = self.range.filter(|r| !r.contains(value)) {
+            return Err(ParamsError::Range { name, range: range.to_string(), got: value.to_string() });
         }
         if phase == Phase::Running && !self.live && *value != self.value {
             return Err(ParamsError::ReadOnly { name });
@@ -257,9 +293,21 @@ mod tests {
         );
         assert!(matches!(with(qos, Value::String("x".into()), Phase::StartUp), Err(ParamsError::Choice { .. })));
         assert!(matches!(with(qos, reliable(), Phase::Running), Err(ParamsError::ReadOnly { .. })));
-        let set = with(qos, reliable(), Phase::StartUp).unwrap();
-        assert_eq!(set.image_reliability(), ImageReliability::Reliable);
-        assert_eq!(s.image_reliability(), ImageReliability::BestEffort);
+        let policy = |name: &str| format!("qos_overrides./cam.subscription.{name}");
+        assert!(matches!(with(&policy("depth"), Value::Integer(0), Phase::StartUp), Err(ParamsError::Range { .. })));
+        let set = s.with(
+            &[
+                row(qos, reliable()),
+                row(&policy("durability"), Value::String("transient_local".into())),
+                row(&policy("history"), Value::String("keep_all".into())),
+                row(&policy("depth"), Value::Integer(7)),
+            ],
+            Phase::StartUp,
+        );
+        let all = ImageQos { reliable: true, transient_local: true, keep_all: true, depth: 7 };
+        assert_eq!(set.unwrap().image_qos(), all);
+        let none = ImageQos { reliable: false, transient_local: false, keep_all: false, depth: 1 };
+        assert_eq!(s.image_qos(), none);
     }
 
     #[test]

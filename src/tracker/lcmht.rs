@@ -305,6 +305,7 @@ impl Followed {
     fn retune(&mut self, params: &LcmhtParams) {
         self.confidence.retune(&params.confidence);
         self.detector.retune(detector_settings(&params.svm));
+        self.motion.retune(&params.motion, &params.phd, &self.rect);
         if !self.is_outdated(params) {
             self.appearance.retune(&params.filter);
             self.params = params.clone();
@@ -315,8 +316,6 @@ impl Followed {
     fn is_outdated(&self, params: &LcmhtParams) -> bool {
         let own = &self.params;
         reshapes(own, params)
-            || own.motion != params.motion
-            || own.phd != params.phd
             || own.scale.step != params.scale.step
             || own.svm.template_cells != params.svm.template_cells
     }

@@ -11,31 +11,15 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from peer import *  # noqa: F403
-from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue, Log
-from rcl_interfaces.srv import (
-    DescribeParameters,
-    GetParameters,
-    GetParameterTypes,
-    ListParameters,
-    SetParameters,
-    SetParametersAtomically,
-)
+from rcl_interfaces.msg import ParameterEvent, Log
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-
-def integer(name, value):
-    return Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=value))
-
-
-def boolean(name, value):
-    return Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value))
-
-
-def text(name, value):
-    return Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value))
+from parameters import *  # noqa: F403
+from restarts import *  # noqa: F403
 
 
 def whole_life(node_pid):
@@ -133,83 +117,6 @@ def parameter_takes_effect(peer):
     peer.spin_until(smaller, "smaller debug images")
     mine = lambda: [e for e in events if e.node == "/tracker" and e.changed_parameters[0].name == "debug.max_side"]
     peer.spin_until(mine, "the event of the change")
-
-
-def parameters():
-    """The six services against the one table."""
-    peer = Peer()
-    listed = peer.call(ListParameters, "/tracker/list_parameters").result
-    assert {"algorithm", "seed", "use_sim_time"} <= set(listed.names), listed.names
-    assert "debug" in listed.prefixes
-    # An answer holds a datagram's worth; group by group all are listed.
-    names = set(listed.names)
-    for prefix in listed.prefixes:
-        request = ListParameters.Request(prefixes=[prefix])
-        names |= set(peer.call(ListParameters, "/tracker/list_parameters", request).result.names)
-    names = sorted(names)
-    assert len(names) > len(listed.names) and "lcmht.svm.least_margin" in names, names
-    request = DescribeParameters.Request(names=names)
-    assert not peer.call(DescribeParameters, "/tracker/describe_parameters", request).descriptors, "too much at once"
-
-    only = ListParameters.Request(prefixes=["debug"])
-    debug = peer.call(ListParameters, "/tracker/list_parameters", only).result.names
-    assert sorted(debug) == ["debug.jpeg_quality", "debug.max_side"], debug
-
-    request = GetParameters.Request(names=["debug.max_side", "algorithm", "nonsense"])
-    values = peer.call(GetParameters, "/tracker/get_parameters", request).values
-    assert values[0].integer_value == 208 and values[1].string_value == "lcmht" and values[2].type == 0
-    request = GetParameterTypes.Request(names=["debug.max_side", "algorithm", "nonsense"])
-    assert list(peer.call(GetParameterTypes, "/tracker/get_parameter_types", request).types) == [2, 4, 0]
-
-    described = {}
-    for first in range(0, len(names), 3):
-        request = DescribeParameters.Request(names=names[first : first + 3])
-        answer = peer.call(DescribeParameters, "/tracker/describe_parameters", request)
-        described.update((d.name, d) for d in answer.descriptors)
-    assert set(described) == set(names)
-    assert all(d.description for d in described.values())
-    side = described["debug.max_side"].integer_range[0]
-    assert (side.from_value, side.to_value, side.step) == (16, 4096, 0)
-    assert described["seed"].read_only and not described["debug.max_side"].read_only
-    assert all(d.floating_point_range for d in described.values() if d.type == 3)
-    assert "lcmht" in described["algorithm"].additional_constraints
-
-    def get(name):
-        request = GetParameters.Request(names=[name])
-        return peer.call(GetParameters, "/tracker/get_parameters", request).values[0].integer_value
-
-    def set_all(kind, service, *parameters):
-        return peer.call(kind, f"/tracker/{service}", kind.Request(parameters=list(parameters)))
-
-    results = set_all(
-        SetParameters,
-        "set_parameters",
-        integer("debug.max_side", 100),
-        integer("debug.max_sid", 100),
-        text("debug.max_side", "large"),
-        integer("debug.max_side", 5),
-        integer("seed", 5),
-        Parameter(name="debug.max_side"),
-    ).results
-    assert [r.successful for r in results] == [True] + 5 * [False], results
-    for result, part in zip(
-        results[1:], ["did you mean 'debug.max_side'?", "got string \"large\"", "16 to 4096, got 5", "read-only", "no value"]
-    ):
-        assert part in result.reason, result
-    assert get("debug.max_side") == 100
-
-    mixed = integer("debug.max_side", 50), integer("debug.jpeg_quality", 101)
-    result = set_all(SetParametersAtomically, "set_parameters_atomically", *mixed).result
-    assert not result.successful and "jpeg_quality" in result.reason
-    assert get("debug.max_side") == 100, "all or nothing"
-    both = integer("debug.max_side", 50), integer("debug.jpeg_quality", 60)
-    assert set_all(SetParametersAtomically, "set_parameters_atomically", *both).result.successful
-    assert get("debug.max_side") == 50 and get("debug.jpeg_quality") == 60
-
-    network = text("lcmht.cnn.file", "/no/such.onnx"), boolean("lcmht.cnn.enabled", True)
-    result = set_all(SetParametersAtomically, "set_parameters_atomically", *network).result
-    assert not result.successful and "network /no/such.onnx cannot be read" in result.reason, result
-    peer.close()
 
 
 def bad_input():

@@ -1,7 +1,9 @@
 //! The processes of a test, each ended with it.
 
+use std::fs;
 use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::os::unix::process::ExitStatusExt as _;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
@@ -10,6 +12,8 @@ use std::time::{Duration, Instant};
 
 use super::Environment;
 
+/// The signal that cannot be handled.
+const SIGKILL: i32 = 9;
 /// Until something that must happen has to have happened.
 const DEADLINE: Duration = Duration::from_secs(20);
 
@@ -27,6 +31,17 @@ fn isolated(command: &mut Command, domain: u32) -> &mut Command {
 struct Lines {
     text: Mutex<String>,
     changed: Condvar,
+}
+
+/// What a process holds.
+#[derive(Debug, Clone, Copy)]
+pub struct Resources {
+    /// Resident memory in kB.
+    pub resident: usize,
+    /// Threads.
+    pub threads: usize,
+    /// Open files and sockets.
+    pub files: usize,
 }
 
 /// The node as a process of its own.
@@ -83,6 +98,18 @@ impl Node {
         assert!(sent.expect("kill").success());
     }
 
+    /// What the process holds.
+    pub fn resources(&self) -> Resources {
+        let process = PathBuf::from(format!("/proc/{}", self.id()));
+        let status = fs::read_to_string(process.join("status")).expect("the status of a process");
+        let number = |key: &str| {
+            let line = status.lines().find_map(|line| line.strip_prefix(key)).expect("a line of the status");
+            line.trim_end_matches("kB").trim().parse().expect("a number")
+        };
+        let files = fs::read_dir(process.join("fd")).expect("the open files of a process").count();
+        Resources { resident: number("VmRSS:"), threads: number("Threads:"), files }
+    }
+
     /// Waits for the end; gives the exit code and all that was written.
     pub fn finish(mut self) -> (Option<i32>, String) {
         let status = wait(&mut self.child, DEADLINE).unwrap_or_else(|| panic!("the node runs on:\n{}", self.log()));
@@ -109,6 +136,19 @@ impl Peer {
         let mut command = Environment::get().python();
         let child = isolated(&mut command, domain).arg(script).arg(scenario).args(args).spawn();
         Self(child.expect("python started"))
+    }
+
+    /// Waits until the function has returned without a failure, where it starts the node itself.
+    pub fn succeed_alone(mut self) {
+        let status = wait(&mut self.0, 12 * DEADLINE);
+        assert!(status.is_some_and(|s| s.success()), "the peer failed: {status:?}");
+    }
+
+    /// Waits until the function has killed its process.
+    pub fn be_killed(mut self, node: &Node) {
+        let status = wait(&mut self.0, DEADLINE);
+        let killed = status.is_some_and(|s| s.signal() == Some(SIGKILL));
+        assert!(killed, "the peer failed: {status:?}; the node wrote:\n{}", node.log());
     }
 
     /// Waits until the function has returned without a failure.

@@ -28,6 +28,9 @@ const PRIOR_GROWTH: f64 = 0.1;
 /// The motion of one target.
 pub(super) struct Motion {
     settings: LcmhtMotion,
+    phd_settings: LcmhtPhd,
+    /// Of the image, in square pixels.
+    area: f64,
     phd: Box<dyn Intensity>,
     form: BoxForm,
     /// A target size, in pixels.
@@ -61,6 +64,8 @@ impl Motion {
         };
         let mut motion = Self {
             settings: settings.clone(),
+            phd_settings: phd.clone(),
+            area,
             phd: intensity,
             form,
             unit,
@@ -70,6 +75,17 @@ impl Motion {
         };
         motion.phd.reset(&motion.measurement(rect));
         motion
+    }
+
+    /// Takes over changed settings, the target being in `rect`. What the filter is made of makes it start anew.
+    pub(super) fn retune(&mut self, settings: &LcmhtMotion, phd: &LcmhtPhd, rect: &Rect) {
+        let LcmhtMotion { enabled, prior, prior_min, prior_max, .. } = *settings;
+        let known = LcmhtMotion { enabled, prior, prior_min, prior_max, ..self.settings.clone() };
+        if known == *settings && self.phd_settings == *phd {
+            self.settings = known;
+        } else {
+            *self = Self { surprise: self.surprise, unseen: self.unseen, ..Self::new(settings, phd, rect, self.area) };
+        }
     }
 
     /// Predicts the intensity `dt` frames ahead (eqs 20 and 21) and gives the centre that is then expected of a target
