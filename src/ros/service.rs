@@ -58,6 +58,11 @@ where
             let readers = self.participant.discovered_readers();
             let mut topics = readers.iter().map(|r| &r.subscription_topic_data);
             if topics.any(|t| t.key().prefix == client && *t.topic_name() == self.replies) {
+                // Clients that are gone are forgotten.
+                let here = |gid: &Gid| {
+                    readers.iter().any(|r| r.subscription_topic_data.key().prefix == GUID::from(*gid).prefix)
+                };
+                known.retain(here);
                 Timer::after(SETTLING).await;
                 known.insert(id.writer_gid);
                 return;
