@@ -56,9 +56,13 @@ fn debug_images_come_at_the_frame_rate() {
     let domain = domain();
     let node = Node::start(domain, &["--ros-args", "-p", "lcmht.cnn.enabled:=false"]);
     Peer::start(domain, "debug_rate", &["5", "0.95"]).succeed(&node);
-    node.signal("INT");
-    let (_, log) = node.finish();
-    println!("{log}");
+}
+
+#[test]
+fn a_subscriber_that_stands_still_holds_up_nothing() {
+    let domain = domain();
+    let node = Node::start(domain, &[]);
+    Peer::start(domain, "stuck_looker", &[&node.id().to_string()]).succeed(&node);
 }
 
 #[test]

@@ -4,7 +4,9 @@ import io
 import os
 import signal
 import struct
+import subprocess
 import sys
+import threading
 import traceback
 import zlib
 from pathlib import Path
@@ -441,6 +443,40 @@ def debug_rate(seconds, least):
     counts = [len(images) for images in got]
     print(f"{frames} frames in {end - 1 - begun:.1f} s: {len(peer.tracks)} tracks, debug images {counts}")
     assert all(count >= float(least) * frames for count in counts), counts
+    peer.close()
+
+
+def look():
+    """Subscribes to compressed debug images and tells when the first has come; then goes on until it is killed."""
+    peer = Peer(name="looker")
+    images = peer.listen(CompressedImage, "/tracker/debug/image/compressed", 10)
+    peer.spin_until(lambda: images, "a debug image")
+    print("seen", flush=True)
+    while True:
+        peer.executor.spin_once(timeout_sec=1)
+        images.clear()
+
+
+def stuck_looker(node_pid):
+    """A subscriber of debug images that stands still holds up nothing, and the node keeps nothing for it."""
+    peer = Peer()
+    peer.connect()
+    peer.start()
+    looker = subprocess.Popen([sys.executable, __file__, "look"], stdout=subprocess.PIPE)
+    try:
+        reads = threading.Thread(target=looker.stdout.readline)
+        reads.start()
+        while reads.is_alive():
+            peer.follow(1)
+        looker.send_signal(signal.SIGSTOP)
+        peer.follow(100)
+        before = resident(node_pid)
+        said = peer.follow(400)
+        grown = resident(node_pid) - before
+        assert grown < 3 and said.skipped == 0, (grown, said.skipped)
+    finally:
+        looker.kill()
+        looker.wait()
     peer.close()
 
 
