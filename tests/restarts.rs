@@ -8,8 +8,8 @@ use support::{Node, Peer, domain};
 
 /// How often.
 const RESTARTS: usize = 10;
-/// What the node may grow by in kB: the library remembers dead peers for as long as their leases run, and the last 4096
-/// announcements of topics.
+/// What the node may grow by in kB: the library serves dead peers for as long as their leases run, and then keeps some
+/// 65 kB of what it knew of each, in case it comes back.
 const MOST_GROWTH: usize = 8 << 10;
 
 #[test]

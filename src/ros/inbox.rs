@@ -57,9 +57,15 @@ impl Inbox {
         self.changed.notify_one();
     }
 
-    /// Adds a command.
+    /// Adds a command. Of several changes of parameters in a row only the last counts, for each holds the whole set.
     pub fn send(&self, command: Command) {
-        self.lock().work.commands.push_back(command);
+        let mut state = self.lock();
+        let commands = &mut state.work.commands;
+        if let (Command::Retune(_), Some(Command::Retune(_))) = (&command, commands.back()) {
+            commands.pop_back();
+        }
+        commands.push_back(command);
+        drop(state);
         self.changed.notify_one();
     }
 
@@ -108,6 +114,23 @@ mod tests {
         inbox.put(frame(4));
         let work = inbox.wait().unwrap();
         assert_eq!((work.frame.unwrap().arrival, work.skipped), (4, 0));
+    }
+
+    #[test]
+    fn of_parameter_changes_in_a_row_the_last_stands() {
+        let inbox = Inbox::default();
+        let retune = |side| {
+            let mut params = Params::default();
+            params.debug.max_side = side;
+            inbox.send(Command::Retune(Box::new(params)));
+        };
+        retune(100);
+        retune(101);
+        inbox.send(Command::Mark(Mark::Stop));
+        retune(102);
+        let side = |c: &Command| if let Command::Retune(p) = c { p.debug.max_side } else { 0 };
+        let sides: Vec<i64> = inbox.wait().unwrap().commands.iter().map(side).collect();
+        assert_eq!(sides, [101, 0, 102]);
     }
 
     #[test]
