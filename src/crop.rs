@@ -146,8 +146,11 @@ impl Cropper {
     }
 
     fn plan(&mut self, frame: &Frame, window: &Rect, width: usize, height: usize) {
-        self.columns.plan(window.x, window.w, width, frame.width() as usize);
-        self.rows.plan(window.y, window.h, height, frame.height() as usize);
+        let [columns, rows] = frame.grid();
+        let across = f64::from(columns) / f64::from(frame.width());
+        let down = f64::from(rows) / f64::from(frame.height());
+        self.columns.plan(window.x * across, window.w * across, width, columns as usize);
+        self.rows.plan(window.y * down, window.h * down, height, rows as usize);
     }
 
     fn resample(&mut self, frame: &Frame, plane: Plane, out: &mut [u8]) {
@@ -207,6 +210,16 @@ mod tests {
         }
         let far = crop(&frame, Rect::new(-90.0, 70.0, 6.0, 6.0), 2, 2);
         assert_eq!(far.rgb(1, 0), frame.rgb(0, 3));
+    }
+
+    #[test]
+    fn a_frame_seen_as_a_larger_one_is_cropped_in_its_coordinates() {
+        let data: Vec<u8> = (0..24 * 16).map(|i| (i * i % 251) as u8).collect();
+        let frame = Frame::new(&data, 24, 16, 24, Encoding::Mono8, None).unwrap();
+        let seen = frame.seen_as([48, 64]);
+        assert_eq!((seen.bounds(), seen.grid()), (Rect::new(0.0, 0.0, 48.0, 64.0), [24, 16]));
+        let twice = crop(&seen, Rect::new(8.0, 12.0, 20.0, 32.0), 10, 8);
+        assert_eq!(twice, crop(&frame, Rect::new(4.0, 3.0, 10.0, 8.0), 10, 8));
     }
 
     /// The same by its definition, pixel by pixel in two dimensions.

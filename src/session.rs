@@ -2,6 +2,12 @@
 //!
 //! Commands (start, stop, restart, retune) are calls between frames, so a frame is never half of one and half of
 //! another parameter set.
+//!
+//! What changes in mid-stream does not end a track. A picture of another size is taken for the same scene in other
+//! pixels, and boxes go along in proportion. Another encoding is looked at as it is; with the colour gone the target may
+//! become uncertain. Stamps that stand still or jump back, or that there are none of, count as one frame period.
+
+mod zoom;
 
 use std::sync::Arc;
 
@@ -11,6 +17,7 @@ use crate::geometry::Rect;
 use crate::params::Params;
 use crate::trace::Trace;
 use crate::tracker::{self, Output, Tracker};
+use zoom::{Zoom, factors, stretched};
 
 /// A tracker with the targets it was given and the rhythm of its frames.
 pub struct Session {
@@ -21,6 +28,8 @@ pub struct Session {
     marks: Vec<Mark>,
     active: bool,
     cadence: Cadence,
+    /// To the size of picture in which the first of the targets was marked.
+    zoom: Zoom,
     output: Output,
     next_id: u32,
 }
@@ -32,6 +41,8 @@ struct Mark {
     /// Whether the user gave the id.
     named: bool,
     rect: Rect,
+    /// The size of the picture.
+    size: [u32; 2],
 }
 
 impl Session {
@@ -43,6 +54,7 @@ impl Session {
             marks: Vec::new(),
             active: false,
             cadence: Cadence::default(),
+            zoom: Zoom::new([1; 2]),
             output: Output::default(),
             next_id: 0,
         })
@@ -73,6 +85,19 @@ impl Session {
         rect: Rect,
         trace: &mut dyn Trace,
     ) -> Result<&Output, StartError> {
+        self.start_from(id, frame, &[], rect, trace)
+    }
+
+    /// Takes up the target in `rect` of a frame that has passed, and follows it alone through those that came after it,
+    /// in order, up to the one that the session was stepped into last. Otherwise as [`Session::start_as`].
+    pub fn start_from(
+        &mut self,
+        id: Option<&str>,
+        frame: &Frame,
+        later: &[Frame],
+        rect: Rect,
+        trace: &mut dyn Trace,
+    ) -> Result<&Output, StartError> {
         frame.check_target(&rect)?;
         let most = self.params.general.max_targets as usize;
         let is_known = self.active && self.marks.iter().any(|mark| Some(&*mark.id) == id);
@@ -82,7 +107,8 @@ impl Session {
             return Err(StartError::Full { most });
         }
         let id = id.map_or_else(|| (self.new_id(), false), |id| (id.into(), true));
-        self.begin(Mark { id: id.0, named: id.1, rect }, frame, trace);
+        let size = [frame.width(), frame.height()];
+        self.begin(Mark { id: id.0, named: id.1, rect, size }, frame, later, trace);
         self.report();
         Ok(&self.output)
     }
@@ -93,12 +119,15 @@ impl Session {
         if self.marks.is_empty() {
             return Err(StartError::NoMark);
         }
-        self.marks.iter().try_for_each(|mark| frame.check_target(&mark.rect))?;
+        let size = [frame.width(), frame.height()];
+        let here = |mark: &Mark| stretched(mark.rect, factors(mark.size, size));
+        self.marks.iter().try_for_each(|mark| frame.check_target(&here(mark)))?;
         let marks = self.marks.clone();
         self.clear();
         for mark in marks {
+            let rect = here(&mark);
             let id = if mark.named { mark.id } else { self.new_id() };
-            self.begin(Mark { id, ..mark }, frame, trace);
+            self.begin(Mark { id, rect, size, ..mark }, frame, &[], trace);
         }
         self.report();
         Ok(&self.output)
@@ -138,7 +167,8 @@ impl Session {
     pub fn step(&mut self, frame: &Frame, trace: &mut dyn Trace) -> &Output {
         if self.active {
             let dt = self.cadence.advance(frame.stamp());
-            self.tracker.step(frame, dt, trace);
+            let seen = self.zoom.see(frame);
+            self.tracker.step(&seen, dt, &mut self.zoom.trace(trace));
             self.report();
         }
         &self.output
@@ -165,13 +195,25 @@ impl Session {
         self.marks.clear();
     }
 
-    fn begin(&mut self, mark: Mark, frame: &Frame, trace: &mut dyn Trace) {
+    fn begin(&mut self, mark: Mark, frame: &Frame, later: &[Frame], trace: &mut dyn Trace) {
         self.marks.retain(|other| other.id != mark.id);
-        if self.marks.is_empty() {
+        let is_alone = self.marks.is_empty();
+        if is_alone {
             self.cadence = Cadence::default();
-            self.cadence.advance(frame.stamp());
+            self.zoom = Zoom::new(mark.size);
         }
-        self.tracker.start(&mark.id, frame, mark.rect, trace);
+        let mut cadence = self.cadence.clone();
+        cadence.set_out(frame.stamp());
+        let seen = self.zoom.see(frame);
+        self.tracker.start(&mark.id, &seen, self.zoom.into_known(mark.rect), &mut self.zoom.trace(trace));
+        for frame in later {
+            let dt = cadence.advance(frame.stamp());
+            let seen = self.zoom.see(frame);
+            self.tracker.catch_up(&mark.id, &seen, dt, &mut self.zoom.trace(trace));
+        }
+        if is_alone {
+            self.cadence = cadence;
+        }
         self.marks.push(mark);
         self.active = true;
     }
@@ -180,6 +222,7 @@ impl Session {
         self.tracker.report(&mut self.output);
         for target in &mut self.output.targets {
             target.velocity = target.velocity.map(|v| v * self.cadence.frame_rate());
+            self.zoom.apply(target);
         }
     }
 }
@@ -191,7 +234,7 @@ const MAX_PERIODS: f64 = 30.0;
 
 /// Turns stamps into whole numbers of frame periods, so that the jitter of a camera's clock does not reach the
 /// tracker and a stream gives the same boxes as the same images in a folder.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Cadence {
     last: Stamp,
     /// The latest intervals in nanoseconds, a ring.
@@ -200,6 +243,11 @@ struct Cadence {
 }
 
 impl Cadence {
+    /// Counts on from a frame of this stamp.
+    fn set_out(&mut self, stamp: Stamp) {
+        self.last = stamp;
+    }
+
     /// The number of frame periods since the last frame, at least 1. Stamps that stand still or jump back (a bag
     /// that loops) count as one period.
     fn advance(&mut self, stamp: Stamp) -> f64 {

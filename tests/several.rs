@@ -129,8 +129,8 @@ fn a_restart_takes_up_all_that_were_followed() {
     let again = session.restart(&first, &mut ()).unwrap();
     assert_eq!(again.targets.iter().map(|t| (&*t.id, t.rect, t.age)).collect::<Vec<_>>(), [("1", a, 0), ("b", b, 0)]);
 
-    let small = vec![0; 48 * 48 * 3];
-    let small = Frame::new(&small, 48, 48, 48 * 3, Encoding::Rgb8, None).unwrap();
-    assert!(matches!(session.restart(&small, &mut ()), Err(StartError::Outside { .. })));
+    let small = vec![0; 24 * 16 * 3];
+    let small = Frame::new(&small, 24, 16, 24 * 3, Encoding::Rgb8, None).unwrap();
+    assert!(matches!(session.restart(&small, &mut ()), Err(StartError::TooSmall { .. })));
     assert_eq!(ids(&session), ["1", "b"], "what cannot be followed changes nothing");
 }

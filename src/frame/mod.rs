@@ -32,6 +32,8 @@ pub struct Frame<'a> {
     data: &'a [u8],
     width: u32,
     height: u32,
+    /// Width and height in which coordinates count.
+    extent: [u32; 2],
     step: usize,
     encoding: Encoding,
     stamp: Stamp,
@@ -67,17 +69,27 @@ impl<'a> Frame<'a> {
         if data.len() < needed {
             return Err(FrameError::Data { len: data.len(), height: rows, step, needed });
         }
-        Ok(Self { data, width, height, step, encoding, stamp })
+        Ok(Self { data, width, height, extent: [width, height], step, encoding, stamp })
+    }
+
+    /// The same picture as if it had that width and height: coordinates count in its pixels, whatever the bytes hold.
+    pub fn seen_as(&self, extent: [u32; 2]) -> Self {
+        Self { extent, ..*self }
     }
 
     /// Width in pixels.
     pub fn width(&self) -> u32 {
-        self.width
+        self.extent[0]
     }
 
     /// Height in pixels.
     pub fn height(&self) -> u32 {
-        self.height
+        self.extent[1]
+    }
+
+    /// Columns and rows of the bytes: width and height, unless the frame is seen as one of another size.
+    pub fn grid(&self) -> [u32; 2] {
+        [self.width, self.height]
     }
 
     /// Layout of a pixel.
@@ -92,7 +104,7 @@ impl<'a> Frame<'a> {
 
     /// The whole image as a box.
     pub fn bounds(&self) -> Rect {
-        Rect::new(0.0, 0.0, f64::from(self.width), f64::from(self.height))
+        Rect::new(0.0, 0.0, f64::from(self.width()), f64::from(self.height()))
     }
 
     /// Checks that a target of this box can be followed from this frame on.
@@ -107,7 +119,7 @@ impl<'a> Frame<'a> {
         if ratio > MAX_TARGET_ASPECT {
             return Err(StartError::TooThin { rect: *rect, ratio, max: MAX_TARGET_ASPECT });
         }
-        let (width, height) = (self.width, self.height);
+        let (width, height) = (self.width(), self.height());
         if rect.w > f64::from(width) || rect.h > f64::from(height) {
             return Err(StartError::TooLarge { rect: *rect, width, height });
         }
@@ -148,6 +160,16 @@ impl FrameBuffer {
     ) -> Result<Self, FrameError> {
         Frame::new(&data, width, height, step, encoding, stamp)?;
         Ok(Self { data, width, height, step, encoding, stamp })
+    }
+
+    /// The same bytes read in another encoding.
+    pub fn read_as(self, encoding: Encoding) -> Result<Self, FrameError> {
+        Self::new(self.data, self.width, self.height, self.step, encoding, self.stamp)
+    }
+
+    /// How many bytes it holds.
+    pub fn bytes(&self) -> usize {
+        self.data.len()
     }
 
     /// The image, borrowed.

@@ -1,0 +1,173 @@
+//! What changes in mid-stream, and marks on frames that have passed.
+
+use long_term_tracker::params::{Phase, Value};
+use long_term_tracker::trace::{ResponseMap, Trace};
+use long_term_tracker::{Encoding, Frame, Params, Rect, Session, State};
+
+const WIDTH: usize = 240;
+const HEIGHT: usize = 160;
+/// A frame period in nanoseconds.
+const PERIOD: i64 = 33_000_000;
+
+fn target(frame: usize) -> Rect {
+    Rect::new(40.0 + 2.0 * frame as f64, 44.0 + frame as f64, 40.0, 32.0)
+}
+
+/// A patterned box on its way over noise, RGB.
+fn scene(frame: usize) -> Vec<u8> {
+    let noise = |x: usize, y: usize| ((x * 7919 + y * 104_729 + (x * y) % 97 * 31) % 61) as u8;
+    let at = target(frame);
+    let (left, top, w, h) = (at.x as usize, at.y as usize, at.w as usize, at.h as usize);
+    let mut data = Vec::with_capacity(WIDTH * HEIGHT * 3);
+    for (y, x) in (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (y, x))) {
+        let inside = (left..left + w).contains(&x) && (top..top + h).contains(&y);
+        let [u, v] = [x.wrapping_sub(left), y.wrapping_sub(top)];
+        let value = if inside { 40 + ((u / 4 * 53 + v / 5 * 91) % 200) as u8 } else { 80 + noise(x, y) };
+        data.extend([value, value / 2, 255 - value]);
+    }
+    data
+}
+
+/// Each pixel becomes a block of `across` x `down`.
+fn enlarged(data: &[u8], across: usize, down: usize) -> Vec<u8> {
+    let row = |y: usize| (0..WIDTH * across).flat_map(move |x| &data[3 * (y / down * WIDTH + x / across)..][..3]);
+    (0..HEIGHT * down).flat_map(row).copied().collect()
+}
+
+fn frame(data: &[u8], stamp: Option<i64>) -> Frame<'_> {
+    Frame::new(data, WIDTH as u32, HEIGHT as u32, 3 * WIDTH, Encoding::Rgb8, stamp).unwrap()
+}
+
+fn stretched(rect: Rect, x: f64, y: f64) -> Rect {
+    Rect::new(x * rect.x, y * rect.y, x * rect.w, y * rect.h)
+}
+
+fn session(most: i64) -> Session {
+    let (most, network) = (Value::Integer(most), Value::Bool(false));
+    let changes = [("max_targets", &most), ("lcmht.cnn.enabled", &network)];
+    Session::new(Params::default().with(changes, Phase::StartUp).unwrap()).unwrap()
+}
+
+fn scenes(count: usize) -> Vec<Vec<u8>> {
+    (0..count).map(scene).collect()
+}
+
+#[derive(Default)]
+struct Window(Rect);
+
+impl Trace for Window {
+    fn response(&mut self, map: &ResponseMap) {
+        self.0 = map.window;
+    }
+}
+
+#[test]
+fn a_mark_on_a_frame_that_has_passed_gives_the_track_as_if_it_had_come_in_time() {
+    let scenes = scenes(20);
+    let frames: Vec<Frame> = scenes.iter().zip(0..).map(|(data, n)| frame(data, Some(n * PERIOD))).collect();
+    let mut in_time = session(1);
+    in_time.start_as(Some("a"), &frames[2], target(2), &mut ()).unwrap();
+    frames[3..].iter().for_each(|frame| _ = in_time.step(frame, &mut ()));
+
+    let mut late = session(1);
+    frames[..=12].iter().for_each(|frame| _ = late.step(frame, &mut ()));
+    let caught_up = late.start_from(Some("a"), &frames[2], &frames[3..=12], target(2), &mut ()).unwrap();
+    assert_eq!(caught_up.targets[0].age, 10);
+    frames[13..].iter().for_each(|frame| _ = late.step(frame, &mut ()));
+    assert_eq!(late.output(), in_time.output());
+    assert!(late.output().targets[0].rect.iou(&target(19)) > 0.7);
+
+    // The other targets are not touched by it.
+    let mut two = session(2);
+    two.start_as(Some("first"), &frames[0], target(0), &mut ()).unwrap();
+    frames[1..=12].iter().for_each(|frame| _ = two.step(frame, &mut ()));
+    let before = two.output().targets[0].clone();
+    let both = two.start_from(Some("a"), &frames[2], &frames[3..=12], target(2), &mut ()).unwrap();
+    assert_eq!((&both.targets[0], both.targets[1].rect), (&before, caught_up_rect(&frames)));
+    let nowhere = Rect::new(-99.0, 0.0, 40.0, 40.0);
+    assert!(two.start_from(None, &frames[2], &frames[3..=12], nowhere, &mut ()).is_err());
+    assert_eq!(two.output().targets.len(), 2, "a refused mark changes nothing");
+}
+
+fn caught_up_rect(frames: &[Frame]) -> Rect {
+    let mut session = session(1);
+    session.start_from(Some("a"), &frames[2], &frames[3..=12], target(2), &mut ()).unwrap().targets[0].rect
+}
+
+#[test]
+fn a_target_is_followed_through_a_change_of_size_in_proportion() {
+    let scenes = scenes(24);
+    let mut session = session(1);
+    session.start(&frame(&scenes[0], Some(0)), target(0), &mut ()).unwrap();
+    let mut window = Window::default();
+    for (n, data) in scenes.iter().enumerate().skip(1) {
+        // Twice as wide and thrice as high, and back again.
+        let (x, y) = if (8..16).contains(&n) { (2, 3) } else { (1, 1) };
+        let data = enlarged(data, x, y);
+        let [w, h] = [WIDTH * x, HEIGHT * y];
+        let stamp = Some(n as i64 * PERIOD);
+        let frame = Frame::new(&data, w as u32, h as u32, 3 * w, Encoding::Rgb8, stamp).unwrap();
+        let said = session.step(&frame, &mut window).targets[0].clone();
+        let truth = stretched(target(n), x as f64, y as f64);
+        assert!(said.state == State::Tracking && said.rect.iou(&truth) > 0.6, "{n}: {said:?}, not {truth}");
+        // The velocity and what is drawn are in the pixels of this frame too.
+        assert!(window.0.intersection(&said.rect).area() > 0.99 * said.rect.area(), "{n}: {}", window.0);
+        if n > 4 {
+            let ratio = said.velocity[0] / (2.0 * x as f64 * 1e9 / PERIOD as f64);
+            assert!((0.5..1.5).contains(&ratio), "{n}: {ratio}");
+        }
+    }
+    // A restart takes the mark along as well.
+    let large = enlarged(&scenes[0], 2, 2);
+    let large = Frame::new(&large, 2 * WIDTH as u32, 2 * HEIGHT as u32, 6 * WIDTH, Encoding::Rgb8, None).unwrap();
+    assert_eq!(session.restart(&large, &mut ()).unwrap().targets[0].rect, stretched(target(0), 2.0, 2.0));
+}
+
+#[test]
+fn a_target_is_followed_through_a_change_of_encoding() {
+    let scenes = scenes(30);
+    let mut session = session(1);
+    session.start(&frame(&scenes[0], None), target(0), &mut ()).unwrap();
+    for (n, data) in scenes.iter().enumerate().skip(1) {
+        let luma = |p: &[u8]| (0.299 * f32::from(p[0]) + 0.587 * f32::from(p[1]) + 0.114 * f32::from(p[2])) as u8;
+        let grey: Vec<u8> = data.chunks_exact(3).map(luma).collect();
+        let swapped: Vec<u8> = data.chunks_exact(3).flat_map(|p| [p[2], p[1], p[0], 0]).collect();
+        let (bytes, step, encoding) = match n / 10 {
+            0 => (data, 3, Encoding::Rgb8),
+            1 => (&swapped, 4, Encoding::Bgra8),
+            _ => (&grey, 1, Encoding::Mono8),
+        };
+        let frame = Frame::new(bytes, WIDTH as u32, HEIGHT as u32, step * WIDTH, encoding, None).unwrap();
+        let said = &session.step(&frame, &mut ()).targets[0];
+        assert!(said.state != State::Lost && said.rect.iou(&target(n)) > 0.5, "{n} {encoding:?}: {said:?}");
+    }
+}
+
+#[test]
+fn stamps_that_jump_back_or_are_missing_do_not_disturb_the_track() {
+    let scenes = scenes(24);
+    let follow = |stamp: &dyn Fn(i64) -> Option<i64>| {
+        let mut session = session(1);
+        session.start(&frame(&scenes[0], stamp(0)), target(0), &mut ()).unwrap();
+        let step = |(data, n): (&Vec<u8>, i64)| session.step(&frame(data, stamp(n)), &mut ()).targets[0].clone();
+        scenes.iter().zip(0..).skip(1).map(step).collect::<Vec<_>>()
+    };
+    let steady = follow(&|n| Some(1_000_000_000 + n * PERIOD));
+    assert!(steady.last().unwrap().rect.iou(&target(23)) > 0.7);
+    // A recording that begins again, a clock that is set back by an hour, and one that stands still for a while.
+    let looped = follow(&|n| Some(1_000_000_000 + (n % 10) * PERIOD));
+    let set_back = follow(&|n| Some(7_200_000_000_000 + n * PERIOD - if n > 9 { 3_600_000_000_000 } else { 0 }));
+    let frozen = follow(&|n| Some(1_000_000_000 + if (9..15).contains(&n) { 9 } else { n } * PERIOD));
+    for other in [&looped, &set_back] {
+        assert_eq!(other, &steady);
+    }
+    assert!(frozen.last().unwrap().rect.iou(&target(23)) > 0.7, "{:?}", frozen.last());
+
+    // Without stamps boxes are the same, and velocities are in pixels a frame.
+    let unstamped = follow(&|_| None);
+    for (without, with) in unstamped.iter().zip(&steady) {
+        assert_eq!((without.rect, without.state), (with.rect, with.state));
+    }
+    let [vx, vy] = unstamped.last().unwrap().velocity;
+    assert!((vx - 2.0).abs() < 0.7 && (vy - 1.0).abs() < 0.7, "{vx} {vy}");
+}
