@@ -16,11 +16,12 @@ pub enum DecodeError {
     Frame(#[from] FrameError),
 }
 
-/// Decodes the bytes of a JPEG or PNG file. Grey stays grey; more than 8 bits a channel become 8; transparency is
-/// ignored.
+/// Decodes the bytes of a JPEG or PNG file. Grey stays grey, of 8 or 16 bits; colours of 16 bits become 8; transparency
+/// is ignored.
 pub fn decode(bytes: &[u8], stamp: Stamp) -> Result<FrameBuffer, DecodeError> {
     let broken = DecodeError::Image;
-    let format = image::guess_format(bytes).map_err(|_| broken(format!("{} bytes are no image", bytes.len())))?;
+    let format =
+        image::guess_format(bytes).map_err(|_| broken(format!("{} bytes are neither JPEG nor PNG", bytes.len())))?;
     if format == ImageFormat::Jpeg && !is_whole_jpeg(bytes) {
         return Err(broken(format!("the JPEG data is cut off after {} bytes", bytes.len())));
     }
@@ -29,6 +30,9 @@ pub fn decode(bytes: &[u8], stamp: Stamp) -> Result<FrameBuffer, DecodeError> {
     let (data, encoding) = match image {
         DynamicImage::ImageRgb8(pixels) => (pixels.into_raw(), Encoding::Rgb8),
         DynamicImage::ImageRgba8(pixels) => (pixels.into_raw(), Encoding::Rgba8),
+        grey @ (DynamicImage::ImageLuma16(_) | DynamicImage::ImageLumaA16(_)) => {
+            (grey.into_luma16().iter().flat_map(|v| v.to_le_bytes()).collect(), Encoding::Mono16)
+        }
         grey if !grey.color().has_color() => (grey.into_luma8().into_raw(), Encoding::Mono8),
         other => (other.into_rgb8().into_raw(), Encoding::Rgb8),
     };

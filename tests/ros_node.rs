@@ -66,11 +66,6 @@ fn a_subscriber_that_stands_still_holds_up_nothing() {
 }
 
 #[test]
-fn every_encoding_is_tracked() {
-    scenario("encodings", &[]);
-}
-
-#[test]
 fn the_node_and_the_offline_command_give_the_same_boxes() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().to_str().expect("a path of text");

@@ -90,6 +90,11 @@ impl Encoding {
         }
     }
 
+    /// Whether each pixel holds one colour of a mosaic.
+    pub const fn is_mosaic(self) -> bool {
+        matches!(self, BayerRggb8 | BayerBggr8 | BayerGbrg8 | BayerGrbg8)
+    }
+
     /// Whether the encoding holds colour at all.
     pub const fn is_colour(self) -> bool {
         !matches!(self, Mono8 | Mono16 | Mono16Be)

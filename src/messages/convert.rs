@@ -8,73 +8,130 @@ use super::{
 };
 use crate::decode::{DecodeError, decode};
 use crate::error::FrameError;
-use crate::frame::{Encoding, Frame, FrameBuffer};
+use crate::frame::{Encoding, Frame, FrameBuffer, Stamp};
 use crate::geometry::Rect;
 use crate::tracker::{Output, State, Target};
 
 /// The class in detections: the tracker follows what it was shown and knows no classes.
 const CLASS: &str = "target";
 
-/// An image message whose layout has been checked.
+/// The image of a message, whose layout has been checked.
 #[derive(Debug)]
 pub struct Received {
-    image: Image,
-    encoding: Encoding,
+    header: Header,
+    image: FrameBuffer,
     /// When the last part of it came in, nanoseconds since the epoch.
     pub arrival: i64,
 }
 
 impl Received {
     /// Takes the message where its bytes hold what its fields say.
-    pub fn new(image: Image, arrival: i64) -> Result<Self, FrameError> {
-        let encoding = Encoding::parse(&image.encoding, image.is_bigendian != 0)?;
-        frame(&image, encoding)?;
-        Ok(Self { image, encoding, arrival })
+    pub fn new(mut message: Image, arrival: i64) -> Result<Self, FrameError> {
+        let header = std::mem::take(&mut message.header);
+        Ok(Self { image: pixels(message, header.stamp())?, header, arrival })
+    }
+
+    /// Decodes the message.
+    pub fn decoded(message: CompressedImage, arrival: i64) -> Result<Self, DecodeError> {
+        Ok(Self { image: compressed(&message)?, header: message.header, arrival })
     }
 
     /// The header, which everything computed from the image bears.
     pub fn header(&self) -> &Header {
-        &self.image.header
+        &self.header
+    }
+
+    /// How many bytes the image holds.
+    pub fn bytes(&self) -> usize {
+        self.image.bytes()
     }
 
     /// The image as the core sees it.
     pub fn frame(&self) -> Frame<'_> {
-        frame(&self.image, self.encoding).expect("the layout was checked when the message came")
+        self.image.frame()
     }
 }
 
-fn frame(image: &Image, encoding: Encoding) -> Result<Frame<'_>, FrameError> {
-    Frame::new(&image.data, image.width, image.height, image.step as usize, encoding, image.header.stamp())
+fn pixels(image: Image, stamp: Stamp) -> Result<FrameBuffer, FrameError> {
+    let encoding = Encoding::parse(&image.encoding, image.is_bigendian != 0)?;
+    FrameBuffer::new(image.data, image.width, image.height, image.step as usize, encoding, stamp)
 }
 
 /// The image in a message as a frame with its own bytes.
 pub fn raw(image: Image) -> Result<FrameBuffer, FrameError> {
-    let encoding = Encoding::parse(&image.encoding, image.is_bigendian != 0)?;
     let stamp = image.header.stamp();
-    FrameBuffer::new(image.data, image.width, image.height, image.step as usize, encoding, stamp)
+    pixels(image, stamp)
 }
 
 /// The JPEG or PNG image in a message; its bytes tell which, whatever the format is said to be.
 pub fn compressed(image: &CompressedImage) -> Result<FrameBuffer, DecodeError> {
-    decode(&image.data, image.header.stamp())
+    let decoded = decode(&image.data, image.header.stamp())?;
+    let encoding = meant(&image.format, decoded.frame().encoding());
+    Ok(decoded.read_as(encoding)?)
+}
+
+/// What the pixels of a decoded image are by the format that image_transport writes: the encoding of the image that was
+/// compressed, and after a semicolon how. A mosaic goes through as grey; and red and blue were exchanged where the
+/// compressor, which takes blue first, was given red first.
+fn meant(format: &str, decoded: Encoding) -> Encoding {
+    let Some((original, how)) = format.split_once(';') else { return decoded };
+    let mosaic = Encoding::parse(original.trim(), false).ok().filter(|encoding| encoding.is_mosaic());
+    match (decoded, mosaic) {
+        (Encoding::Mono8, Some(mosaic)) => mosaic,
+        (Encoding::Rgb8, _) if how.contains("compressed rgb") => Encoding::Bgr8,
+        (Encoding::Rgba8, _) if how.contains("compressed rgb") => Encoding::Bgra8,
+        _ => decoded,
+    }
 }
 
 /// What a mark asks for.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Mark {
-    /// Follow what is in the box.
-    Start(Rect),
-    /// Follow nothing.
-    Stop,
+    /// Follow what is in a box.
+    Start(Start),
+    /// Follow nothing or, where an id is given, that target no longer.
+    Stop(Option<String>),
+}
+
+/// A target to be taken up.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Start {
+    /// Where it is.
+    pub rect: Rect,
+    /// How it is to be called.
+    pub id: Option<String>,
+    /// The frame on which it is there; `None` for the newest.
+    pub stamp: Stamp,
 }
 
 impl From<&RegionOfInterest> for Mark {
     fn from(roi: &RegionOfInterest) -> Self {
         if roi.width == 0 && roi.height == 0 {
-            return Self::Stop;
+            return Self::Stop(None);
         }
         let [x, y, w, h] = [roi.x_offset, roi.y_offset, roi.width, roi.height].map(f64::from);
-        Self::Start(Rect::new(x, y, w, h))
+        Self::Start(Start { rect: Rect::new(x, y, w, h), id: None, stamp: None })
+    }
+}
+
+/// The box of a detection that is turned is the upright one around it. An empty id is none, a stamp of zero the newest
+/// frame's.
+impl From<&Detection2D> for Mark {
+    fn from(detection: &Detection2D) -> Self {
+        let id = Some(detection.id.clone()).filter(|id| !id.is_empty());
+        let BoundingBox2D { center, size_x, size_y } = &detection.bbox;
+        if *size_x == 0.0 && *size_y == 0.0 {
+            return Self::Stop(id);
+        }
+        let (sin, cos) = center.theta.sin_cos();
+        let upright = |along: f64, across: f64| (cos * along).abs() + (sin * across).abs();
+        let size = if center.theta == 0.0 {
+            [*size_x, *size_y]
+        } else {
+            [upright(*size_x, *size_y), upright(*size_y, *size_x)]
+        };
+        let rect = Rect::around([center.position.x, center.position.y], size);
+        Self::Start(Start { rect, id, stamp: detection.header.stamp() })
     }
 }
 
@@ -188,9 +245,71 @@ mod tests {
     #[test]
     fn a_region_without_extent_stops() {
         let roi = |width, height| RegionOfInterest { x_offset: 1, y_offset: 2, height, width, do_rectify: false };
-        assert_eq!(Mark::from(&roi(0, 0)), Mark::Stop);
-        assert_eq!(Mark::from(&roi(3, 4)), Mark::Start(Rect::new(1.0, 2.0, 3.0, 4.0)));
-        assert_eq!(Mark::from(&roi(0, 4)), Mark::Start(Rect::new(1.0, 2.0, 0.0, 4.0)), "refused later, not a stop");
+        let start = |rect| Mark::Start(Start { rect, id: None, stamp: None });
+        assert_eq!(Mark::from(&roi(0, 0)), Mark::Stop(None));
+        assert_eq!(Mark::from(&roi(3, 4)), start(Rect::new(1.0, 2.0, 3.0, 4.0)));
+        assert_eq!(Mark::from(&roi(0, 4)), start(Rect::new(1.0, 2.0, 0.0, 4.0)), "refused later, not a stop");
+    }
+
+    #[test]
+    fn a_detection_names_its_frame_and_its_target() {
+        let mut detection = super::detection(&header(), &target(State::Tracking));
+        let stamp = Some(3_000_000_005);
+        let start = |rect| Mark::Start(Start { rect, id: Some("5".to_owned()), stamp });
+        assert_eq!(Mark::from(&detection), start(Rect::new(10.0, 20.0, 4.0, 8.0)));
+        // By a quarter turn the sides change places; by half of that both span their sum over the root of two.
+        for (theta, w, h) in [
+            (std::f64::consts::FRAC_PI_2, 8.0, 4.0),
+            (-std::f64::consts::FRAC_PI_4, 12.0 / 2f64.sqrt(), 12.0 / 2f64.sqrt()),
+        ] {
+            detection.bbox.center.theta = theta;
+            let Mark::Start(Start { rect, .. }) = Mark::from(&detection) else { panic!("a start") };
+            assert!((rect.w - w).abs() < 1e-9 && (rect.h - h).abs() < 1e-9, "{rect}");
+            assert_eq!(rect.centre(), [12.0, 24.0]);
+        }
+        (detection.bbox.size_x, detection.bbox.size_y) = (0.0, 0.0);
+        assert_eq!(Mark::from(&detection), Mark::Stop(Some("5".to_owned())));
+        assert_eq!(Mark::from(&Detection2D::default()), Mark::Stop(None));
+        let newest = Detection2D { bbox: BoundingBox2D { size_x: 4.0, ..Default::default() }, ..Default::default() };
+        assert!(matches!(Mark::from(&newest), Mark::Start(Start { id: None, stamp: None, .. })));
+    }
+
+    #[test]
+    fn a_compressed_image_is_what_its_format_says_it_was() {
+        let png = |image: image::DynamicImage| {
+            let mut data = std::io::Cursor::new(Vec::new());
+            image.write_to(&mut data, image::ImageFormat::Png).unwrap();
+            data.into_inner()
+        };
+        let colour = png(image::RgbImage::from_pixel(4, 2, image::Rgb([10, 20, 30])).into());
+        let grey = png(image::GrayImage::from_fn(4, 2, |x, y| image::Luma([(x + 4 * y) as u8])).into());
+        let deep: image::ImageBuffer<image::Luma<u16>, _> =
+            image::ImageBuffer::from_pixel(4, 2, image::Luma([0x1234_u16]));
+        let deep = png(deep.into());
+        for (format, data, encoding, rgb) in [
+            ("bgr8; png compressed bgr8", &colour, Encoding::Rgb8, [10, 20, 30]),
+            ("rgb8; png compressed bgr8", &colour, Encoding::Rgb8, [10, 20, 30]),
+            ("rgb8; jpeg compressed rgb8", &colour, Encoding::Bgr8, [30, 20, 10]),
+            ("png", &colour, Encoding::Rgb8, [10, 20, 30]),
+            ("", &colour, Encoding::Rgb8, [10, 20, 30]),
+            ("mono8; png compressed ", &grey, Encoding::Mono8, [5, 5, 5]),
+            ("bayer_rggb8; png compressed ", &grey, Encoding::BayerRggb8, [0, 2, 5]),
+            ("bayer_rggb8; png compressed bgr8", &colour, Encoding::Rgb8, [10, 20, 30]),
+            ("16UC1; png compressed ", &deep, Encoding::Mono16, [0x12; 3]),
+            ("mono16; png compressed ", &deep, Encoding::Mono16, [0x12; 3]),
+        ] {
+            let message = CompressedImage { header: header(), format: format.to_owned(), data: data.clone() };
+            let got = Received::decoded(message, 1).unwrap();
+            assert_eq!((got.frame().encoding(), got.header()), (encoding, &header()), "{format}");
+            assert_eq!(got.frame().stamp(), Some(3_000_000_005));
+            let told = got.frame().rgb(1, 1);
+            assert!(told.iter().zip(rgb).all(|(a, b)| a.abs_diff(b) <= 1), "{format}: {told:?}");
+        }
+        let broken = CompressedImage { data: colour[..colour.len() / 2].to_vec(), ..Default::default() };
+        assert!(Received::decoded(broken, 1).unwrap_err().to_string().starts_with("cannot be decoded: "));
+        let depth = CompressedImage { data: vec![0; 99], ..Default::default() };
+        let why = Received::decoded(depth, 1).unwrap_err().to_string();
+        assert_eq!(why, "cannot be decoded: 99 bytes are neither JPEG nor PNG");
     }
 
     #[test]

@@ -18,6 +18,8 @@ choice! {
     pub enum ImageTransport {
         /// `sensor_msgs/msg/Image`.
         Raw = "raw",
+        /// `sensor_msgs/msg/CompressedImage`, JPEG or PNG.
+        Compressed = "compressed",
     }
 }
 
@@ -25,9 +27,17 @@ group! {
     /// What all trackers and ends share.
     pub struct General at "" {
         algorithm: Algorithm = Algorithm::Lcmht, @fixed; "The tracker that follows the target."
-        image_transport: ImageTransport = ImageTransport::Raw, @fixed; "How images arrive."
+        image_transport: ImageTransport = ImageTransport::Raw, @fixed; "How images arrive: on `image` as they are, or on `image/compressed` as JPEG or PNG."
         max_targets: i64 = 1, in 1..=64; "Targets that are followed at the same time. With 1, a new mark takes the place of the last; with more, it adds a target until there are as many."
         seed: i64 = 0, in 0..=i64::MAX, @fixed; "Seed of every random choice; the same seed gives the same boxes."
+    }
+}
+
+group! {
+    /// Frames that are kept, so that a mark may name one that has passed.
+    pub struct History at "history." {
+        frames: i64 = 30, in 0..=1000; "Frames that are kept for marks on `~/init_detection`, which may name one of them; 0 keeps none."
+        megabytes: i64 = 64, in 1..=4096, unit "MB"; "Memory that the kept frames may take; the oldest go first."
     }
 }
 
@@ -45,6 +55,8 @@ groups! {
     pub struct Params {
         /// What all trackers and ends share.
         general: General,
+        /// Frames that are kept.
+        history: History,
         /// Debug images.
         debug: Debug,
         /// LCMHT.

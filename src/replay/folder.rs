@@ -157,7 +157,7 @@ mod tests {
         let deep: ImageBuffer<Rgb<u16>, _> = ImageBuffer::from_pixel(3, 2, Rgb([257, 514, 771]));
         assert_eq!(encoding(deep.into()), (Encoding::Rgb8, [1, 2, 3]));
         let deep: ImageBuffer<Luma<u16>, _> = ImageBuffer::from_pixel(3, 2, Luma([257]));
-        assert_eq!(encoding(deep.into()), (Encoding::Mono8, [1; 3]));
+        assert_eq!(encoding(deep.into()), (Encoding::Mono16, [1; 3]));
     }
 
     #[test]

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use futures::StreamExt;
 use log::warn;
-use ros2_client::Publisher;
 use ros2_client::builtin_interfaces::Time as Clock;
+use ros2_client::{Name, Publisher};
 
 use super::endpoints::Endpoints;
 use super::env::{buffer_warning, receive_buffer_limit};
@@ -53,11 +53,11 @@ impl Counts {
 
 impl Diagnostics {
     /// Makes the topic.
-    pub fn new(endpoints: &mut Endpoints, stats: Arc<Stats>) -> Result<Self, Fault> {
+    pub fn new(endpoints: &mut Endpoints, image_topic: &Name, stats: Arc<Stats>) -> Result<Self, Fault> {
         Ok(Self {
             publisher: endpoints.publisher("/diagnostics")?,
             node: endpoints.names.node().full(),
-            image_topic: endpoints.names.topic("image")?.to_string(),
+            image_topic: image_topic.to_string(),
             stats,
         })
     }

@@ -9,7 +9,7 @@ use rustdds::{QosPolicies, TopicKind, policy};
 
 use super::fault::Fault;
 use super::image_qos::ImageQos;
-use super::messages::{Image, Topic};
+use super::messages::Topic;
 use super::names::Names;
 use super::service::Service;
 
@@ -43,8 +43,8 @@ impl Endpoints {
     }
 
     /// Reads images.
-    pub fn images(&mut self, name: &Name, qos: ImageQos) -> Result<Subscription<Image>, Fault> {
-        let topic = self.dds_topic::<Image>(name, &qos.policies())?;
+    pub fn images<M: Topic>(&mut self, name: &Name, qos: ImageQos) -> Result<Subscription<M>, Fault> {
+        let topic = self.dds_topic::<M>(name, &qos.policies())?;
         self.node.create_subscription(&topic, None).map_err(|e| Fault::system(format!("subscribe to {name}"), e))
     }
 

@@ -1,5 +1,5 @@
 //! What waits for the worker: the newest image, and commands. An image that the worker has not taken yet is
-//! overwritten, and counted.
+//! overwritten, and counted; it stays in the history for a while.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -7,8 +7,9 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use smol::channel::Sender;
 
 use super::convert::{Mark, Received};
+use super::history::History;
 use super::messages::TriggerResponse;
-use crate::params::Params;
+use crate::params::{self, Params};
 
 /// What is to be done between two frames.
 #[derive(Debug)]
@@ -37,6 +38,7 @@ pub struct Work {
 #[derive(Default)]
 struct State {
     work: Work,
+    history: History,
     closed: bool,
 }
 
@@ -50,8 +52,10 @@ pub struct Inbox {
 impl Inbox {
     /// Puts the newest image in.
     pub fn put(&self, frame: Received) {
+        let frame = Arc::new(frame);
         let mut state = self.lock();
-        if state.work.frame.replace(Arc::new(frame)).is_some() {
+        state.history.push(&frame);
+        if state.work.frame.replace(frame).is_some() {
             state.work.skipped = state.work.skipped.saturating_add(1);
         }
         self.changed.notify_one();
@@ -67,6 +71,16 @@ impl Inbox {
         commands.push_back(command);
         drop(state);
         self.changed.notify_one();
+    }
+
+    /// Keeps no more images than that from now on.
+    pub fn limit_history(&self, limits: &params::History) {
+        self.lock().history.limit(limits);
+    }
+
+    /// The images that are kept, the oldest first.
+    pub fn kept(&self) -> Vec<Arc<Received>> {
+        self.lock().history.frames().cloned().collect()
     }
 
     /// Ends the worker's waiting for good.
@@ -126,7 +140,7 @@ mod tests {
         };
         retune(100);
         retune(101);
-        inbox.send(Command::Mark(Mark::Stop));
+        inbox.send(Command::Mark(Mark::Stop(None)));
         retune(102);
         let side = |c: &Command| if let Command::Retune(p) = c { p.debug.max_side } else { 0 };
         let sides: Vec<i64> = inbox.wait().unwrap().commands.iter().map(side).collect();
@@ -143,7 +157,7 @@ mod tests {
                 (first, inbox.wait().is_none())
             }
         });
-        inbox.send(Command::Mark(Mark::Stop));
+        inbox.send(Command::Mark(Mark::Stop(None)));
         // The worker has taken the command once the inbox is empty again.
         while !inbox.lock().work.commands.is_empty() {
             std::thread::yield_now();

@@ -7,12 +7,12 @@
 //!
 //! | thread | file | blocks on |
 //! |---|---|---|
-//! | receive | [`receive`] | the next image; overwrites the one slot of the inbox |
+//! | receive | [`receive`] | the next image; decodes it, overwrites the one slot of the inbox |
 //! | worker | [`worker`] | the inbox: the newest image and commands; steps the session, publishes tracks |
 //! | debug | [`debug`] | a frame to draw, which the worker hands over only while somebody looks |
 //! | spin | [`commands`], [`parameter_services`], [`service`], [`diagnostics`] | discovery, marks, service calls, a clock |
 //!
-//! [`messages`] are the types on the wire, [`convert`] goes from them to the core's types and back, [`logging`] sends
+//! [`history`] keeps the frames that a mark may name. [`messages`] are the types on the wire, [`convert`] goes from them to the core's types and back, [`logging`] sends
 //! log lines to the terminal and to `/rosout`, [`stats`] counts, and [`diagnostics`] tells of it.
 
 pub mod args;
@@ -22,6 +22,7 @@ pub mod diagnostics;
 pub mod endpoints;
 pub mod env;
 pub mod fault;
+pub mod history;
 pub mod image_qos;
 pub mod inbox;
 pub mod logging;

@@ -85,6 +85,17 @@ impl Names {
         self.resolve(name, Kind::Topic)
     }
 
+    /// The absolute name of a topic that transports `base` in another form: what a rule for it says, or else below that
+    /// of `base`.
+    pub fn transported(&self, base: &str, transport: &str) -> Result<Name, Fault> {
+        let own = format!("{base}/{transport}");
+        let named = self.topic(&own)?;
+        if named.to_string() == self.expand(&own) {
+            return self.topic(&format!("{}/{transport}", self.topic(base)?));
+        }
+        Ok(named)
+    }
+
     /// The absolute name of a service of ours.
     pub fn service(&self, name: &str) -> Result<Name, Fault> {
         self.resolve(name, Kind::Service)
@@ -158,6 +169,15 @@ mod tests {
         assert_eq!(topic(&["rosservice://image:=s", "rostopic://image:=t"], "image"), "/t");
         let n = names(&["rostopic://~/stop:=t", "~/stop:=halt"]).unwrap();
         assert_eq!(n.service("~/stop").unwrap().to_string(), "/halt");
+    }
+
+    #[test]
+    fn a_transport_lies_below_its_topic_unless_it_is_renamed_itself() {
+        let compressed = |rules: &[&str]| names(rules).unwrap().transported("image", "compressed").unwrap().to_string();
+        assert_eq!(compressed(&[]), "/image/compressed");
+        assert_eq!(compressed(&["__ns:=/a", "image:=cam"]), "/a/cam/compressed");
+        assert_eq!(compressed(&["image:=/cam", "image/compressed:=/jpeg"]), "/jpeg");
+        assert_eq!(compressed(&["image:=/cam", "/cam/compressed:=/jpeg"]), "/jpeg");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::thread::{Builder, JoinHandle};
 
 use log::{error, info, warn};
-use ros2_client::Node;
+use ros2_client::{Name, Node};
 use smol::channel::{Receiver, Sender, bounded, unbounded};
 
 use super::args::Args;
@@ -19,10 +19,10 @@ use super::logging;
 use super::names::Names;
 use super::parameter_services::ParameterServices;
 use super::parameters::{Settings, Store};
-use super::receive::Receive;
+use super::receive::{Receive, Source};
 use super::stats::Stats;
 use super::worker::Worker;
-use crate::params::NodeName;
+use crate::params::{ImageTransport, NodeName};
 use crate::session::Session;
 
 /// Why the node ends.
@@ -42,6 +42,10 @@ pub fn run(args: Args) -> Result<(), Fault> {
         warn!("{warning}");
     }
 
+    let source_topic = match settings.params.general.image_transport {
+        ImageTransport::Raw => image_topic,
+        ImageTransport::Compressed => names.transported("image", "compressed")?,
+    };
     let session = Session::new(settings.params.clone())?;
     // The handler is there before the node is, so that a signal always ends in an orderly way.
     let (ended, end) = unbounded();
@@ -50,8 +54,9 @@ pub fn run(args: Args) -> Result<(), Fault> {
         .map_err(|e| Fault::system("handle signals", e))?;
 
     let name = names.node().full();
-    let threads = Threads::start(Endpoints::new(environment.context()?, names)?, session, settings, ended)?;
-    info!("{name} waits for images on {image_topic}");
+    let threads =
+        Threads::start(Endpoints::new(environment.context()?, names)?, &source_topic, session, settings, ended)?;
+    info!("{name} waits for images on {source_topic}");
     let reason = end.recv_blocking();
     threads.stop();
     match reason {
@@ -74,16 +79,21 @@ struct Threads {
 impl Threads {
     fn start(
         mut endpoints: Endpoints,
+        topic: &Name,
         session: Session,
         settings: Settings,
         ended: Sender<End>,
     ) -> Result<Self, Fault> {
         let (inbox, stats) = (Arc::new(Inbox::default()), Arc::new(Stats::default()));
         let (open, closed) = bounded(1);
-        let topic = endpoints.names.topic("image")?;
+        inbox.limit_history(&settings.params.history);
+        let qos = settings.image_qos();
         let receive = Receive {
-            subscription: endpoints.images(&topic, settings.image_qos())?,
-            topic,
+            source: match settings.params.general.image_transport {
+                ImageTransport::Raw => Source::Raw(endpoints.images(topic, qos)?),
+                ImageTransport::Compressed => Source::Compressed(endpoints.images(topic, qos)?),
+            },
+            topic: topic.clone(),
             context: endpoints.context.clone(),
             inbox: inbox.clone(),
             stats: stats.clone(),
@@ -95,7 +105,7 @@ impl Threads {
         let views = (View::new(&mut endpoints, "~/debug/image")?, View::new(&mut endpoints, "~/debug/response")?);
         let commands = Commands::new(&mut endpoints, inbox.clone())?;
         let parameters = ParameterServices::new(&mut endpoints, store, inbox.clone())?;
-        let diagnostics = Diagnostics::new(&mut endpoints, stats.clone())?;
+        let diagnostics = Diagnostics::new(&mut endpoints, topic, stats.clone())?;
         let spinner = endpoints.node.spinner().map_err(|e| Fault::system("spin the node", e))?;
         let node = Arc::new(endpoints.node);
         logging::to_rosout(node.logging_handle());

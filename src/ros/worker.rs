@@ -7,13 +7,14 @@ use log::{debug, error, info, warn};
 use ros2_client::Publisher;
 use ros2_client::builtin_interfaces::Time;
 
-use super::convert::{Mark, Received, detections, tracks};
+use super::convert::{Mark, Received, Start, detections, tracks};
 use super::debug::{Feed, Job};
+use super::history::{Named, find};
 use super::inbox::{Command, Inbox, Work};
 use super::logging::{Throttle, held_back};
 use super::messages::{Detection2DArray, TrackArray, TriggerResponse};
 use super::stats::{Stats, count};
-use crate::geometry::Rect;
+use crate::frame::Frame;
 use crate::session::Session;
 use crate::trace::Trace;
 use crate::tracker::State;
@@ -39,8 +40,8 @@ pub struct Worker {
 struct Memory {
     /// The newest image, on which a mark starts.
     newest: Option<Arc<Received>>,
-    /// A mark that came before any image.
-    pending: Option<Rect>,
+    /// Marks on images that have not come yet.
+    pending: Vec<Start>,
     /// The state that was last told in the log.
     told: Option<State>,
     throttle: Throttle<&'static str>,
@@ -70,53 +71,25 @@ impl Worker {
             None => &mut silent,
         };
         let began = Instant::now();
-        let mut started = false;
-        if let (Some(rect), Some(frame)) = (memory.pending, &newest) {
-            memory.pending = None;
-            started = self.start(frame, rect, trace);
-        }
+        let mut is_due = is_new;
+        let mut has_changed = false;
         for command in commands {
-            match command {
-                Command::Retune(params) => {
-                    if let Err(why) = self.session.retune(*params) {
-                        error!("parameters refused: {why}");
-                    }
-                }
-                Command::Mark(Mark::Start(rect)) => match &newest {
-                    Some(frame) => started |= self.start(frame, rect, trace),
-                    None => {
-                        info!("mark {rect} waits for the first image");
-                        memory.pending = Some(rect);
-                    }
-                },
-                Command::Mark(Mark::Stop) => {
-                    memory.pending = None;
-                    info!("{}", self.stop());
-                }
-                Command::Stop(reply) => {
-                    memory.pending = None;
-                    let message = self.stop().to_owned();
-                    info!("{message}");
-                    let _ = reply.try_send(TriggerResponse { success: true, message });
-                }
-                Command::Restart(reply) => {
-                    let result = self.restart(newest.as_deref(), trace);
-                    started |= result.is_ok();
-                    let success = result.is_ok();
-                    let message = result.unwrap_or_else(|why| why);
-                    let _ = reply.try_send(TriggerResponse { success, message });
-                }
+            // Parameters hold from the newest image on; and what is followed stands there before others join it.
+            if is_due && !matches!(command, Command::Retune(_)) {
+                is_due = false;
+                self.step(newest.as_ref(), memory, trace);
             }
+            has_changed |= self.obey(command, newest.as_ref(), memory, trace);
         }
-        let Some(newest) = newest.filter(|_| is_new || started) else {
+        if is_due {
+            self.step(newest.as_ref(), memory, trace);
+        }
+        let Some(newest) = newest.filter(|_| is_new || has_changed) else {
             if let Some(scene) = scene {
                 self.debug.keep(scene);
             }
             return;
         };
-        if !started {
-            self.session.step(&newest.frame(), trace);
-        }
         let processing = began.elapsed();
         self.publish(&newest, skipped, processing, memory);
         self.tell(memory);
@@ -127,11 +100,87 @@ impl Worker {
         }
     }
 
-    fn start(&mut self, frame: &Received, rect: Rect, trace: &mut dyn Trace) -> bool {
-        match self.session.start(&frame.frame(), rect, trace) {
+    /// Follows what there is into a new image, and takes up what was marked on it beforehand.
+    fn step(&mut self, newest: Option<&Arc<Received>>, memory: &mut Memory, trace: &mut dyn Trace) {
+        let Some(frame) = newest else { return };
+        self.session.step(&frame.frame(), trace);
+        for start in std::mem::take(&mut memory.pending) {
+            self.start(start, newest, memory, trace);
+        }
+    }
+
+    /// Does what was asked for; says whether a target was taken up.
+    fn obey(
+        &mut self,
+        command: Command,
+        newest: Option<&Arc<Received>>,
+        memory: &mut Memory,
+        trace: &mut dyn Trace,
+    ) -> bool {
+        match command {
+            Command::Retune(params) => {
+                self.inbox.limit_history(&params.history);
+                if let Err(why) = self.session.retune(*params) {
+                    error!("parameters refused: {why}");
+                }
+            }
+            Command::Mark(Mark::Start(start)) => return self.start(start, newest, memory, trace),
+            Command::Mark(Mark::Stop(None)) => info!("{}", self.stop(memory)),
+            Command::Mark(Mark::Stop(Some(id))) => {
+                memory.pending.retain(|start| start.id.as_ref() != Some(&id));
+                let was = self.session.stop_target(&id);
+                info!("{}", if was { format!("target {id} stopped") } else { format!("no target {id} was followed") });
+            }
+            Command::Stop(reply) => {
+                let message = self.stop(memory).to_owned();
+                info!("{message}");
+                let _ = reply.try_send(TriggerResponse { success: true, message });
+            }
+            Command::Restart(reply) => {
+                let result = self.restart(newest.map(|frame| &**frame), trace);
+                let success = result.is_ok();
+                let message = result.unwrap_or_else(|why| why);
+                let _ = reply.try_send(TriggerResponse { success, message });
+                return success;
+            }
+        }
+        false
+    }
+
+    /// Takes up a target on the image that the mark names, and follows it up to the newest.
+    fn start(
+        &mut self,
+        start: Start,
+        newest: Option<&Arc<Received>>,
+        memory: &mut Memory,
+        trace: &mut dyn Trace,
+    ) -> bool {
+        let rect = start.rect;
+        let Some(newest) = newest else {
+            info!("mark {rect} waits for the first image");
+            self.defer(start, memory);
+            return false;
+        };
+        let images = match find(start.stamp, &self.inbox.kept(), newest) {
+            Named::Here(images) => images,
+            Named::Ahead => {
+                info!("mark {rect} waits for its image");
+                self.defer(start, memory);
+                return false;
+            }
+            Named::Unknown(why) => {
+                error!("mark {rect} refused: {why}");
+                return false;
+            }
+        };
+        let frames: Vec<Frame> = images.iter().map(|image| image.frame()).collect();
+        match self.session.start_from(start.id.as_deref(), &frames[0], &frames[1..], rect, trace) {
             Ok(output) => {
-                let id = output.targets.first().map_or("", |t| &*t.id);
-                info!("target {id} marked: {rect}");
+                let id = output.targets.last().map_or("", |target| &*target.id);
+                match frames.len() - 1 {
+                    0 => info!("target {id} marked: {rect}"),
+                    later => info!("target {id} marked: {rect}, {later} images ago"),
+                }
                 true
             }
             Err(why) => {
@@ -141,7 +190,18 @@ impl Worker {
         }
     }
 
-    fn stop(&mut self) -> &'static str {
+    /// Puts a mark by until its image comes. A later one for the same target takes its place, and of more than can be
+    /// followed the latest stand.
+    fn defer(&self, start: Start, memory: &mut Memory) {
+        memory.pending.retain(|other| other.id.is_none() || other.id != start.id);
+        if memory.pending.len() >= self.session.params().general.max_targets as usize {
+            memory.pending.remove(0);
+        }
+        memory.pending.push(start);
+    }
+
+    fn stop(&mut self, memory: &mut Memory) -> &'static str {
+        memory.pending.clear();
         let was = self.session.is_active();
         self.session.stop();
         if was { "stopped" } else { "no target was followed" }

@@ -12,7 +12,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image, RegionOfInterest
 from std_srvs.srv import Trigger
-from vision_msgs.msg import Detection2DArray
+from vision_msgs.msg import Detection2D, Detection2DArray
 
 # Seconds until something that must happen has to have happened.
 DEADLINE = 20.0
@@ -101,14 +101,14 @@ def box_of(track):
 class Peer:
     """A node with all that talks to the tracker."""
 
-    def __init__(self, tracker="/tracker", image="/image", name="peer", image_qos=qos_profile_sensor_data):
+    def __init__(self, tracker="/tracker", image="/image", name="peer", image_qos=qos_profile_sensor_data, image_type=Image):
         rclpy.init(args=[])
         self.node = rclpy.create_node(name)
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
         self.tracker = tracker
         self.tracks, self.detections = [], []
-        self.images = self.node.create_publisher(Image, image, image_qos)
+        self.images = self.node.create_publisher(image_type, image, image_qos)
         self.marks = self.node.create_publisher(RegionOfInterest, f"{tracker}/init_roi", 10)
         depth = QoSProfile(depth=1000)
         self.node.create_subscription(TrackArray, f"{tracker}/tracks", self.tracks.append, depth)

@@ -12,6 +12,7 @@ import zlib
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
+from input import *  # noqa: F403
 from peer import *  # noqa: F403
 from rcl_interfaces.msg import ParameterEvent, Log
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -170,28 +171,6 @@ def bad_input():
     said = peer.follow(5)
     assert said.tracks[0].id == "0" and said.tracks[0].age == 10, said
     assert stamp_of(good)[0] < 1100
-    peer.close()
-
-
-def encodings():
-    """The same scene in every encoding. The first mark comes before any image, and waits for one."""
-    peer = Peer()
-    lines = peer.listen(Log, "/rosout", 100)
-    waits = lambda: any("waits for the first image" in line.msg for line in lines)
-    # What is sent before the node has matched the writer is lost, and only the node's log tells that it has.
-    for _ in range(100):
-        peer.mark(*peer.scene.box(0))
-        peer.executor.spin_once(timeout_sec=0.1)
-        if waits():
-            break
-    assert waits(), "no line of the early mark"
-    peer.connect()
-    peer.follow(3)
-    for encoding in CHANNELS:
-        peer.step(encoding)
-        peer.start()
-        said = peer.follow(12, encoding)
-        assert said.tracks[0].state == 0, (encoding, said)
     peer.close()
 
 

@@ -1,0 +1,174 @@
+//! The frames of the last moments, so that a mark may name the one it was made on: a detector takes its time.
+//!
+//! Frames are shared with whoever works on them and never copied; what they may take is bounded by number and by bytes.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use super::convert::Received;
+use crate::frame::Stamp;
+use crate::params;
+
+/// How far ahead of the newest frame a mark may be, in nanoseconds: what is further does not come from these images.
+const MOST_AHEAD: i64 = 1_000_000_000;
+
+/// Frames with stamps, the oldest first; stamps never fall.
+#[derive(Debug, Default)]
+pub struct History {
+    frames: VecDeque<Arc<Received>>,
+    bytes: usize,
+    limits: params::History,
+}
+
+impl History {
+    /// Keeps no more than that from now on.
+    pub fn limit(&mut self, limits: &params::History) {
+        self.limits = limits.clone();
+        self.shrink();
+    }
+
+    /// Keeps the frame. One without a stamp cannot be named, and so is not kept; one of an earlier stamp than the last
+    /// begins a new stream.
+    pub fn push(&mut self, frame: &Arc<Received>) {
+        let Some(stamp) = frame.frame().stamp() else { return };
+        if self.frames.back().is_some_and(|last| last.frame().stamp() > Some(stamp)) {
+            self.frames.clear();
+            self.bytes = 0;
+        }
+        self.bytes += frame.bytes();
+        self.frames.push_back(frame.clone());
+        self.shrink();
+    }
+
+    /// The frames that are kept.
+    pub fn frames(&self) -> impl Iterator<Item = &Arc<Received>> {
+        self.frames.iter()
+    }
+
+    fn shrink(&mut self) {
+        let (frames, bytes) = (self.limits.frames as usize, self.limits.megabytes as usize * 1_000_000);
+        while self.frames.len() > frames || (self.bytes > bytes && !self.frames.is_empty()) {
+            self.bytes -= self.frames.pop_front().map_or(0, |frame| frame.bytes());
+        }
+    }
+}
+
+/// Where the frame is that a mark names.
+#[derive(Debug)]
+pub enum Named {
+    /// Here, with those that came after it; the last is the newest.
+    Here(Vec<Arc<Received>>),
+    /// Not there yet.
+    Ahead,
+    /// Nowhere, for this reason.
+    Unknown(String),
+}
+
+/// Looks for the frame of this stamp among those that were kept and the newest that is worked on.
+pub fn find(stamp: Stamp, kept: &[Arc<Received>], newest: &Arc<Received>) -> Named {
+    let now = newest.frame().stamp();
+    let Some(wanted) = stamp.filter(|_| stamp != now) else {
+        return Named::Here(vec![newest.clone()]);
+    };
+    let Some(now) = now else {
+        return Named::Unknown(format!("no image of {} is known: the images bear no stamps", told(wanted)));
+    };
+    let end = kept.iter().rposition(|frame| Arc::ptr_eq(frame, newest)).map_or(0, |last| last + 1);
+    let kept = &kept[..end];
+    if let Some(first) = kept.iter().rposition(|frame| frame.frame().stamp() == stamp) {
+        return Named::Here(kept[first..].to_vec());
+    }
+    if wanted > now && wanted - now <= MOST_AHEAD {
+        return Named::Ahead;
+    }
+    let oldest = kept.first().and_then(|frame| frame.frame().stamp()).unwrap_or(now);
+    Named::Unknown(format!(
+        "no image of {} is kept: the {} there are bear stamps from {} to {}",
+        told(wanted),
+        kept.len().max(1),
+        told(oldest),
+        told(now)
+    ))
+}
+
+/// A stamp as seconds.
+fn told(nanos: i64) -> String {
+    const SECOND: i64 = 1_000_000_000;
+    format!("{}.{:09}", nanos.div_euclid(SECOND), nanos.rem_euclid(SECOND))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::messages::{Header, Image, Time};
+    use super::*;
+
+    /// Of 500 kB.
+    fn frame(stamp: i64) -> Arc<Received> {
+        let header = Header { stamp: Time::from_nanos(stamp), frame_id: String::new() };
+        let (width, height) = (1000, 500);
+        let data = vec![0; 500_000];
+        let encoding = "mono8".to_owned();
+        Arc::new(
+            Received::new(Image { header, height, width, encoding, is_bigendian: 0, step: width, data }, 0).unwrap(),
+        )
+    }
+
+    fn history(frames: i64, megabytes: i64) -> History {
+        let mut history = History::default();
+        history.limit(&params::History { frames, megabytes });
+        history
+    }
+
+    fn stamps<'a>(frames: impl IntoIterator<Item = &'a Arc<Received>>) -> Vec<i64> {
+        frames.into_iter().map(|f| f.frame().stamp().unwrap()).collect()
+    }
+
+    #[test]
+    fn frames_are_bounded_by_number_and_by_bytes() {
+        let mut few = history(3, 4096);
+        (1..=5).for_each(|n| few.push(&frame(n)));
+        assert_eq!(stamps(few.frames()), [3, 4, 5]);
+        let mut small = history(1000, 2);
+        (1..=9).for_each(|n| small.push(&frame(n)));
+        assert_eq!(stamps(small.frames()), [6, 7, 8, 9], "4 x 500 kB");
+        small.limit(&params::History { frames: 30, megabytes: 1 });
+        assert_eq!(stamps(small.frames()), [8, 9]);
+        let mut none = history(0, 64);
+        none.push(&frame(1));
+        assert_eq!((none.frames().count(), none.bytes), (0, 0));
+    }
+
+    #[test]
+    fn a_jump_back_begins_anew_and_frames_without_stamps_are_not_kept() {
+        let mut history = history(30, 64);
+        [10, 20, 20, 30, 5, 0, 6].iter().for_each(|n| history.push(&frame(*n)));
+        assert_eq!(stamps(history.frames()), [5, 6]);
+        assert_eq!(history.bytes, 1_000_000);
+    }
+
+    #[test]
+    fn a_named_frame_comes_with_those_after_it_up_to_the_newest_that_is_worked_on() {
+        let kept: Vec<_> = [10, 20, 30, 40].map(frame).into();
+        let here = |stamp: i64, newest: &Arc<Received>| match find(Some(stamp).filter(|s| *s != 0), &kept, newest) {
+            Named::Here(frames) => Ok(stamps(&frames)),
+            Named::Ahead => Err(String::new()),
+            Named::Unknown(why) => Err(why),
+        };
+        assert_eq!(here(20, &kept[2]).unwrap(), [20, 30]);
+        assert_eq!(here(30, &kept[2]).unwrap(), [30]);
+        assert_eq!(here(0, &kept[2]).unwrap(), [30], "no stamp is the newest");
+        assert_eq!(here(40, &kept[2]).unwrap_err(), "", "40 is not worked on yet");
+        assert_eq!(here(30 + MOST_AHEAD, &kept[2]).unwrap_err(), "");
+        assert_eq!(
+            here(15, &kept[2]).unwrap_err(),
+            "no image of 0.000000015 is kept: the 3 there are bear stamps from 0.000000010 to 0.000000030"
+        );
+        assert!(here(31 + MOST_AHEAD, &kept[2]).unwrap_err().starts_with("no image of 1.000000031 is kept"));
+        let newest = frame(50);
+        assert_eq!(here(50, &newest).unwrap(), [50], "the newest need not be kept");
+        assert!(
+            here(40, &newest).unwrap_err().ends_with("the 1 there are bear stamps from 0.000000050 to 0.000000050")
+        );
+        assert!(here(7, &frame(0)).unwrap_err().contains("bear no stamps"));
+    }
+}
