@@ -69,7 +69,7 @@ fn the_demo_shows_the_node_at_work() {
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .args(["run", "--example", "demo"])
         .args(profile)
-        .args(["--", "--rate", "20", "--output"])
+        .args(["--", "--rate", "8", "--output"])
         .arg(output.path())
         .output()
         .unwrap();
