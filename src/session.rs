@@ -167,7 +167,7 @@ impl Session {
     pub fn step(&mut self, frame: &Frame, trace: &mut dyn Trace) -> &Output {
         if self.active {
             let dt = self.cadence.advance(frame.stamp());
-            let seen = self.zoom.see(frame);
+            let seen = self.see(frame);
             self.tracker.step(&seen, dt, &mut self.zoom.trace(trace));
             self.report();
         }
@@ -204,11 +204,11 @@ impl Session {
         }
         let mut cadence = self.cadence.clone();
         cadence.set_out(frame.stamp());
-        let seen = self.zoom.see(frame);
+        let seen = self.see(frame);
         self.tracker.start(&mark.id, &seen, self.zoom.into_known(mark.rect), &mut self.zoom.trace(trace));
         for frame in later {
             let dt = cadence.advance(frame.stamp());
-            let seen = self.zoom.see(frame);
+            let seen = self.see(frame);
             self.tracker.catch_up(&mark.id, &seen, dt, &mut self.zoom.trace(trace));
         }
         if is_alone {
@@ -216,6 +216,11 @@ impl Session {
         }
         self.marks.push(mark);
         self.active = true;
+    }
+
+    /// The frame as the tracker is to see it.
+    fn see<'a>(&mut self, frame: &Frame<'a>) -> Frame<'a> {
+        self.zoom.see(&frame.with_levels(self.params.levels.range()))
     }
 
     fn report(&mut self) {

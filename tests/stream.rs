@@ -143,6 +143,39 @@ fn a_target_is_followed_through_a_change_of_encoding() {
     }
 }
 
+/// A depth camera or a thermal one uses a small part of 16 bits.
+#[test]
+fn a_target_is_followed_in_a_small_range_of_16_bits_where_the_levels_say_which() {
+    let grey = |data: &[u8]| data.chunks_exact(3).map(|p| p[0]).collect::<Vec<u8>>();
+    let deep = |data: &[u8]| data.iter().flat_map(|&v| (3000 + u16::from(v)).to_be_bytes()).collect::<Vec<u8>>();
+    let scenes = scenes(15);
+    let follow = |black: i64, white: i64, is_deep: bool| {
+        let (black, white, network) = (Value::Integer(black), Value::Integer(white), Value::Bool(false));
+        let changes = [("levels.black", &black), ("levels.white", &white), ("lcmht.cnn.enabled", &network)];
+        let mut session = Session::new(Params::default().with(changes, Phase::StartUp).unwrap()).unwrap();
+        let mut said = Vec::new();
+        for (n, data) in scenes.iter().enumerate() {
+            let grey = grey(data);
+            let bytes = if is_deep { deep(&grey) } else { grey };
+            let (step, encoding) = if is_deep { (2, Encoding::Mono16Be) } else { (1, Encoding::Mono8) };
+            let frame = Frame::new(&bytes, WIDTH as u32, HEIGHT as u32, step * WIDTH, encoding, None).unwrap();
+            let output = match n {
+                0 => session.start(&frame, target(0), &mut ()).unwrap(),
+                _ => session.step(&frame, &mut ()),
+            };
+            said.push(output.targets[0].clone());
+        }
+        said
+    };
+    let eight_bits = follow(0, 65535, false);
+    assert!(eight_bits[14].rect.iou(&target(14)) > 0.6);
+    assert_eq!(follow(3000, 3255, true), eight_bits);
+    assert_ne!(follow(0, 65535, true), eight_bits);
+    let same = Value::Integer(7);
+    let refused = Params::default().with([("levels.black", &same), ("levels.white", &same)], Phase::Running);
+    assert!(refused.unwrap_err().to_string().contains("levels.black and levels.white are both 7"));
+}
+
 #[test]
 fn stamps_that_jump_back_or_are_missing_do_not_disturb_the_track() {
     let scenes = scenes(24);

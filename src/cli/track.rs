@@ -84,7 +84,7 @@ pub fn run(args: &Args) -> Result<(), Error> {
     let mut next = first;
     let mut frames = 0;
     while let Some(buffer) = next {
-        let frame = buffer.frame();
+        let frame = buffer.frame().with_levels(session.params().levels.range());
         if frames > 0 {
             watch.1.clear();
             watch.0.begin();

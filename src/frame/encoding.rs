@@ -15,7 +15,7 @@ pub enum Encoding {
     Bgra8,
     /// 8-bit grey.
     Mono8,
-    /// 16-bit grey, the low byte first. Full scale is white.
+    /// 16-bit grey, the low byte first; [`Levels`](super::Levels) say what is black and white.
     Mono16,
     /// 16-bit grey, the high byte first.
     Mono16Be,

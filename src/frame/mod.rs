@@ -36,7 +36,23 @@ pub struct Frame<'a> {
     extent: [u32; 2],
     step: usize,
     encoding: Encoding,
+    levels: Levels,
     stamp: Stamp,
+}
+
+/// The values of 16-bit images that are black and white; what lies between is grey in proportion. The two differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Levels {
+    /// What is taken for black.
+    pub black: u16,
+    /// What is taken for white.
+    pub white: u16,
+}
+
+impl Default for Levels {
+    fn default() -> Self {
+        Self { black: 0, white: u16::MAX }
+    }
 }
 
 impl<'a> Frame<'a> {
@@ -69,12 +85,17 @@ impl<'a> Frame<'a> {
         if data.len() < needed {
             return Err(FrameError::Data { len: data.len(), height: rows, step, needed });
         }
-        Ok(Self { data, width, height, extent: [width, height], step, encoding, stamp })
+        Ok(Self { data, width, height, extent: [width, height], step, encoding, levels: Levels::default(), stamp })
     }
 
     /// The same picture as if it had that width and height: coordinates count in its pixels, whatever the bytes hold.
     pub fn seen_as(&self, extent: [u32; 2]) -> Self {
         Self { extent, ..*self }
+    }
+
+    /// The same picture, its values read between these levels if they have 16 bits.
+    pub fn with_levels(&self, levels: Levels) -> Self {
+        Self { levels, ..*self }
     }
 
     /// Width in pixels.

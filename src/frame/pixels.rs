@@ -2,9 +2,9 @@
 //!
 //! YUV is of BT.601 with the range of video, 16 to 235, as OpenCV and so `cv_bridge` read it. The colour of a mosaic
 //! is that of the block of 2 x 2 sites which the pixel is in, green as the mean of two: half the sensor's resolution,
-//! shifted by no more than half a pixel. Of 16 bits the upper eight count.
+//! shifted by no more than half a pixel. 16 bits are read between the frame's levels.
 
-use super::{Encoding, Frame};
+use super::{Encoding, Frame, Levels};
 
 /// Weights of red, green and blue in luma (ITU-R BT.601).
 const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
@@ -57,8 +57,8 @@ impl Frame<'_> {
         let row = &self.data[y * self.step..];
         match self.encoding {
             Encoding::Mono8 => fill(out, &row[left..], |[v]| f32::from(v)),
-            Encoding::Mono16 => fill(out, &row[2 * left..], |[_, high]| f32::from(high)),
-            Encoding::Mono16Be => fill(out, &row[2 * left..], |[high, _]| f32::from(high)),
+            Encoding::Mono16 => fill(out, &row[2 * left..], between(self.levels, u16::from_le_bytes)),
+            Encoding::Mono16Be => fill(out, &row[2 * left..], between(self.levels, u16::from_be_bytes)),
             Encoding::Rgb8 => interleaved::<3>(out, &row[3 * left..], [0, 1, 2], plane),
             Encoding::Bgr8 => interleaved::<3>(out, &row[3 * left..], [2, 1, 0], plane),
             Encoding::Rgba8 => interleaved::<4>(out, &row[4 * left..], [0, 1, 2], plane),
@@ -122,6 +122,13 @@ impl Frame<'_> {
 fn fill<const N: usize>(out: &mut [f32], bytes: &[u8], of: impl Fn([u8; N]) -> f32) {
     let (pixels, _) = bytes.as_chunks::<N>();
     out.iter_mut().zip(pixels).for_each(|(value, pixel)| *value = of(*pixel));
+}
+
+/// The intensity of 16-bit values.
+fn between(levels: Levels, value: impl Fn([u8; 2]) -> u16) -> impl Fn([u8; 2]) -> f32 {
+    let black = f32::from(levels.black);
+    let scale = 255.0 / (f32::from(levels.white) - black);
+    move |bytes| ((f32::from(value(bytes)) - black) * scale).clamp(0.0, 255.0)
 }
 
 /// Pixels of `N` bytes with red, green and blue in these places.
@@ -214,8 +221,10 @@ mod tests {
                 let pair = &row(y)[x / 2 * 2 * bytes..];
                 let below = &row(HEIGHT + y / 2)[x / 2 * 2..];
                 let want = match encoding {
-                    Encoding::Mono16 => [f64::from(row(y)[2 * x + 1]); 3],
-                    Encoding::Mono16Be => [f64::from(row(y)[2 * x]); 3],
+                    Encoding::Mono16 => [(f64::from(row(y)[2 * x + 1]) * 256.0 + f64::from(row(y)[2 * x])) / 257.0; 3],
+                    Encoding::Mono16Be => {
+                        [(f64::from(row(y)[2 * x]) * 256.0 + f64::from(row(y)[2 * x + 1])) / 257.0; 3]
+                    }
                     Encoding::Uyvy => of_yuv(pair[1 + 2 * (x % 2)], pair[0], pair[2]),
                     Encoding::Yuyv => of_yuv(pair[2 * (x % 2)], pair[1], pair[3]),
                     Encoding::Nv12 => of_yuv(row(y)[x], below[0], below[1]),
@@ -230,12 +239,26 @@ mod tests {
                 let mut luma = [0.0; WIDTH];
                 frame.line(y, 0, Plane::Luma, &mut luma);
                 if !encoding.is_colour() {
-                    assert_eq!(luma[x], f32::from(got[0]));
+                    assert_eq!(luma[x].round(), f32::from(got[0]));
                 } else if encoding.bytes() == 1 && encoding.block() == [2, 2] && encoding.colour_rows(2) == 0 {
                     let want: f64 = want.iter().zip(LUMA).map(|(c, w)| c * f64::from(w)).sum();
                     assert!((f64::from(luma[x]) - want).abs() < 0.01, "{encoding:?}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn sixteen_bits_are_read_between_the_levels() {
+        let values: [u16; 4] = [900, 1000, 2500, 4100];
+        let little: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let big: Vec<u8> = values.iter().flat_map(|v| v.to_be_bytes()).collect();
+        for (data, encoding) in [(little, Encoding::Mono16), (big, Encoding::Mono16Be)] {
+            let frame = Frame::new(&data, 4, 1, 8, encoding, None).unwrap();
+            let read = |frame: Frame| [0, 1, 2, 3].map(|x| frame.rgb(x, 0)[1]);
+            assert_eq!(read(frame), [4, 4, 10, 16]);
+            assert_eq!(read(frame.with_levels(Levels { black: 1000, white: 4000 })), [0, 0, 128, 255]);
+            assert_eq!(read(frame.with_levels(Levels { black: 4000, white: 1000 })), [255, 255, 128, 0]);
         }
     }
 

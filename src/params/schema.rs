@@ -4,6 +4,7 @@
 use super::lcmht::LcmhtParams;
 use super::table::{choice, group, groups};
 use crate::error::ParamsError;
+use crate::frame::Levels;
 
 choice! {
     /// The tracker behind the interface.
@@ -34,6 +35,22 @@ group! {
 }
 
 group! {
+    /// How images of 16 bits are read.
+    pub struct LevelParams at "levels." {
+        black: i64 = 0, in 0..=65535; "Value of 16-bit images that is taken for black."
+        white: i64 = 65535, in 0..=65535; "Value of 16-bit images that is taken for white; where it is below black, low values are light."
+    }
+}
+
+impl LevelParams {
+    /// As frames take them.
+    pub fn range(&self) -> Levels {
+        // Within 16 bits by their ranges.
+        Levels { black: self.black as u16, white: self.white as u16 }
+    }
+}
+
+group! {
     /// Frames that are kept, so that a mark may name one that has passed.
     pub struct History at "history." {
         frames: i64 = 30, in 0..=1000; "Frames that are kept for marks on `~/init_detection`, which may name one of them; 0 keeps none."
@@ -55,6 +72,8 @@ groups! {
     pub struct Params {
         /// What all trackers and ends share.
         general: General,
+        /// How images of 16 bits are read.
+        levels: LevelParams,
         /// Frames that are kept.
         history: History,
         /// Debug images.
@@ -67,6 +86,10 @@ groups! {
 impl Params {
     /// Checks what a range cannot say: values that must fit each other.
     pub(super) fn check(&self) -> Result<(), ParamsError> {
+        let LevelParams { black, white } = self.levels;
+        if black == white {
+            return Err(ParamsError::Conflict(format!("levels.black and levels.white are both {black}")));
+        }
         self.lcmht.cnn.check()
     }
 }

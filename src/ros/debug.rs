@@ -16,6 +16,7 @@ use super::endpoints::Endpoints;
 use super::fault::Fault;
 use super::messages::{CompressedImage, Header, Image};
 use crate::draw::{self, Scene};
+use crate::frame::Levels;
 use crate::params::Debug;
 use crate::tracker::Output;
 
@@ -35,6 +36,8 @@ pub struct Job {
     pub output: Output,
     /// What happened inside the tracker.
     pub scene: Scene,
+    /// How to read it.
+    pub levels: Levels,
     /// How to publish it.
     pub debug: Debug,
 }
@@ -167,7 +170,7 @@ impl Feed {
     fn draw(&self, job: &Job) -> Result<(), String> {
         let Shared { image, response, node, .. } = &*self.0;
         let Job { output, scene, debug, .. } = job;
-        let (frame, header) = (job.frame.frame(), job.frame.header());
+        let (frame, header) = (job.frame.frame().with_levels(job.levels), job.frame.header());
         image.publish(node, |side| draw::annotated(&frame, output, scene, side), header, debug)?;
         response.publish(node, |side| draw::response(&frame, scene, side), header, debug)
     }

@@ -95,8 +95,9 @@ impl Worker {
         self.tell(memory);
         if let Some(scene) = scene {
             let output = self.session.output().clone();
-            let debug = self.session.params().debug.clone();
-            self.debug.submit(Job { frame: newest, output, scene, debug });
+            let params = self.session.params();
+            let (levels, debug) = (params.levels.range(), params.debug.clone());
+            self.debug.submit(Job { frame: newest, output, scene, levels, debug });
         }
     }
 
