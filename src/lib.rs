@@ -41,6 +41,9 @@
 //!   environments* (LCMHT): [`dcf`], [`detect`], [`filter::gm_phd`], [`tracker::lcmht`].
 //! * N. L. Baisa: *Derivation of a constant velocity motion model for visual tracking*: [`filter::motion`].
 
+#[cfg(all(feature = "ros", not(feature = "humble")))]
+compile_error!("feature `ros` needs a distribution's: humble, jazzy, kilted or lyrical");
+
 pub mod cli;
 pub mod crop;
 pub mod dcf;

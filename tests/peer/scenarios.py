@@ -21,6 +21,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from full_hd import *  # noqa: F403
 from parameters import *  # noqa: F403
 from restarts import *  # noqa: F403
 
@@ -499,13 +500,6 @@ def endurance(node_pid, frames):
     # The first fifth fills caches and the memory of samples.
     assert max(sizes) < 200 and max(sizes[4:]) - sizes[4] < 3, sizes
     peer.close()
-
-
-def resident(pid):
-    """Resident memory of a process in MB."""
-    with open(f"/proc/{pid}/status") as file:
-        line = next(line for line in file if line.startswith("VmRSS"))
-    return round(int(line.split()[1]) / 1024, 1)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-//! The virtual environment with rclpy and the built messages, made on first use and kept below the target folder.
+//! Virtual environments with rclpy and the built messages, made on first use and kept below the target folder.
 
 use std::fs::{self, File};
 use std::io::{Read as _, Write as _};
@@ -18,38 +18,46 @@ const BAKED: [(&str, &str); 2] = [
 /// The file whose presence says that a step was completed.
 const DONE: &str = "done";
 
-static SHARED: LazyLock<Environment> = LazyLock::new(Environment::make);
+static JAZZY: LazyLock<Environment> = LazyLock::new(|| Environment::make("jazzy"));
+static KILTED: LazyLock<Environment> = LazyLock::new(|| Environment::make("kilted"));
 
-/// Where Python and the built message packages are.
+/// Where Python and the built message packages of a distribution are.
 pub struct Environment {
     venv: PathBuf,
-    install: PathBuf,
+    workspace: PathBuf,
 }
 
 impl Environment {
-    /// The environment, which the first caller on this machine makes; that takes a minute and needs a network.
+    /// That of ROS 2 Jazzy, which the first caller on this machine makes; it takes a minute or two and needs a network.
     pub fn get() -> &'static Self {
-        &SHARED
+        &JAZZY
     }
 
-    fn make() -> Self {
-        let root = Path::new(env!("CARGO_TARGET_TMPDIR")).join("ros-peer");
+    /// That of ROS 2 Kilted.
+    pub fn kilted() -> &'static Self {
+        &KILTED
+    }
+
+    fn make(distribution: &str) -> Self {
+        let root = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("ros-{distribution}"));
         fs::create_dir_all(&root).expect("a folder for the peer");
         // Other test processes wait here until the first has made everything.
         let lock = File::create(root.join("lock")).expect("a lock file");
         lock.lock().expect("the lock");
         let repository = Path::new(env!("CARGO_MANIFEST_DIR"));
         let peer = repository.join("tests/peer");
-        let this = Self { venv: root.join("venv"), install: root.join("install") };
+        let this = Self { venv: root.join("venv"), workspace: root.join("workspace") };
 
-        let requirements = peer.join("requirements.txt");
+        let requirements = peer.join(format!("requirements-{distribution}.txt"));
         step(&this.venv, &read(&requirements), || this.make_venv(&requirements));
-        for (name, from) in [("vision_msgs", peer.join("vision_msgs")), ("long_term_tracker", repository.to_owned())] {
-            let source = root.join("source").join(name);
-            let key = stage(&from, &source);
-            let build = root.join("build").join(name);
-            step(&build, &key, || this.build(&source, &build));
-        }
+        let sources = [("vision_msgs", peer.join("vision_msgs")), ("long_term_tracker", repository.to_owned())];
+        let key: String = sources.iter().map(|(_, from)| messages(from)).collect();
+        step(&this.workspace, &key, || {
+            for (name, from) in &sources {
+                stage(from, &this.workspace.join("src").join(name));
+            }
+            this.colcon(&this.workspace, &["-DBUILD_NODE=OFF"]);
+        });
         this
     }
 
@@ -62,15 +70,13 @@ impl Environment {
         repair(&self.venv.join("share"), &answers);
     }
 
-    /// Builds the messages of a package outside the repository, for CMake refuses include folders inside its source.
-    fn build(&self, source: &Path, build: &Path) {
-        let cmake = || self.command(&self.bin("cmake"));
+    /// Builds the packages in `workspace/src` with colcon, into `workspace/install`.
+    pub fn colcon(&self, workspace: &Path, cmake: &[&str]) {
         let python = format!("-DPython3_EXECUTABLE={}", self.bin("python").display());
-        let prefix = format!("-DCMAKE_INSTALL_PREFIX={}", self.install.display());
-        let options = [prefix.as_str(), &python, "-DBUILD_NODE=OFF", "-DBUILD_TESTING=OFF"];
-        run(cmake().arg("-S").arg(source).arg("-B").arg(build).args(options));
-        run(cmake().arg("--build").arg(build).args(["--parallel", "2"]));
-        run(cmake().arg("--install").arg(build));
+        let mut colcon = self.command(&self.bin("colcon"), None);
+        colcon.current_dir(workspace).args(["build", "--merge-install", "--base-paths", "src", "--event-handlers"]);
+        colcon.args(["console_direct+", "--cmake-args", "-DBUILD_TESTING=OFF", &python]).args(cmake);
+        run(&mut colcon);
     }
 
     fn bin(&self, name: &str) -> PathBuf {
@@ -82,37 +88,39 @@ impl Environment {
         String::from_utf8(output.stdout).expect("a path").trim().to_owned()
     }
 
-    /// A command that finds the environment's programs, libraries, packages and messages, and nothing of a ROS 2 that
-    /// may be installed besides.
-    pub fn command(&self, program: &Path) -> Command {
-        let [venv, install] = [&self.venv, &self.install].map(|p| p.display().to_string());
+    /// A command that finds the environment's programs, libraries and packages, those that colcon has installed for a
+    /// workspace on top, and nothing of a ROS 2 that may be installed besides.
+    pub fn command(&self, program: &Path, workspace: Option<&Path>) -> Command {
+        let install = workspace.map(|w| w.join("install"));
+        let prefixes: Vec<_> = install.iter().chain([&self.venv]).map(|p| p.display().to_string()).collect();
+        let libraries: Vec<_> = prefixes.iter().map(|p| format!("{p}/lib")).collect();
         let path = std::env::var("PATH").unwrap_or_default();
         let mut command = Command::new(program);
         for (name, _) in std::env::vars().filter(|(name, _)| name.starts_with("ROS_")) {
             command.env_remove(name);
         }
         command
-            .env("PATH", format!("{venv}/bin:{path}"))
-            .env("LD_LIBRARY_PATH", format!("{venv}/lib:{install}/lib"))
-            .env("AMENT_PREFIX_PATH", format!("{install}:{venv}"))
-            .env("CMAKE_PREFIX_PATH", format!("{install}:{venv}"))
-            .env("ROS_LOG_DIR", self.install.join("log"))
-            .env("PYTHONPATH", self.messages())
+            .env("PATH", format!("{}/bin:{path}", self.venv.display()))
+            .env("LD_LIBRARY_PATH", libraries.join(":"))
+            .env("AMENT_PREFIX_PATH", prefixes.join(":"))
+            .env("CMAKE_PREFIX_PATH", prefixes.join(":"))
+            .env("ROS_LOG_DIR", self.workspace.join("log"))
+            .env("PYTHONPATH", install.map(|i| python_packages(&i)).unwrap_or_default())
             .env("PYTHONDONTWRITEBYTECODE", "1");
         command
     }
 
-    /// A command that runs Python.
+    /// A command that runs Python with the built messages.
     pub fn python(&self) -> Command {
-        self.command(&self.bin("python"))
+        self.command(&self.bin("python"), Some(&self.workspace))
     }
+}
 
-    /// Where the built messages can be imported from.
-    fn messages(&self) -> PathBuf {
-        let lib = self.install.join("lib");
-        let versions = fs::read_dir(&lib).into_iter().flatten().flatten().map(|e| e.path().join("site-packages"));
-        versions.into_iter().find(|p| p.is_dir()).unwrap_or(lib)
-    }
+/// Where the messages below an install folder can be imported from.
+fn python_packages(install: &Path) -> PathBuf {
+    let lib = install.join("lib");
+    let versions = fs::read_dir(&lib).into_iter().flatten().flatten().map(|e| e.path().join("site-packages"));
+    versions.into_iter().find(|p| p.is_dir()).unwrap_or(lib)
 }
 
 /// Makes `folder` anew by `make` unless it was completed with the same key.
@@ -128,23 +136,28 @@ fn step(folder: &Path, key: &str, make: impl FnOnce()) {
     fs::write(done, key).expect("the completed step noted");
 }
 
-/// Copies what makes a message package, and gives all of its text.
-fn stage(from: &Path, to: &Path) -> String {
-    let mut messages: Vec<_> = fs::read_dir(from.join("msg")).expect("msg").flatten().map(|e| e.file_name()).collect();
+/// What makes a message package: its two descriptions and its messages.
+fn parts(from: &Path) -> Vec<PathBuf> {
+    let mut messages: Vec<_> = fs::read_dir(from.join("msg")).expect("msg").flatten().map(|e| e.path()).collect();
     messages.sort();
-    let files = messages.into_iter().map(|name| Path::new("msg").join(name));
+    messages.extend(["CMakeLists.txt", "package.xml"].map(|name| from.join(name)));
+    messages
+}
+
+/// All of its text.
+fn messages(from: &Path) -> String {
+    parts(from).iter().map(|part| read(part)).collect()
+}
+
+/// Copies it, and the folders it installs from, for CMake refuses include folders inside its source.
+fn stage(from: &Path, to: &Path) {
     fs::create_dir_all(to.join("msg")).expect("a folder for messages");
-    let mut all = String::new();
-    for file in files.chain(["CMakeLists.txt", "package.xml"].map(PathBuf::from)) {
-        let text = read(&from.join(&file));
-        let target = to.join(&file);
-        // A new time of change would make CMake build again.
-        if fs::read_to_string(&target).ok().as_ref() != Some(&text) {
-            fs::write(target, &text).expect("a copied file");
-        }
-        all.push_str(&text);
+    for part in parts(from) {
+        fs::copy(&part, to.join(part.strip_prefix(from).expect("a part below it"))).expect("a copied file");
     }
-    all
+    for name in ["examples", "launch", "params"].iter().filter(|name| from.join(name).is_dir()) {
+        std::os::unix::fs::symlink(from.join(name), to.join(name)).expect("a link");
+    }
 }
 
 /// Rewrites the baked paths in every CMake file below the folder.

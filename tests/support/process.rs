@@ -132,15 +132,28 @@ pub struct Peer(Child);
 impl Peer {
     /// Starts the function with its arguments.
     pub fn start(domain: u32, scenario: &str, args: &[&str]) -> Self {
+        Self::of(Environment::get(), domain, scenario, args)
+    }
+
+    /// Starts it in another environment.
+    pub fn of(environment: &Environment, domain: u32, scenario: &str, args: &[&str]) -> Self {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peer/scenarios.py");
-        let mut command = Environment::get().python();
-        let child = isolated(&mut command, domain).arg(script).arg(scenario).args(args).spawn();
-        Self(child.expect("python started"))
+        Self::spawn(&mut environment.python(), domain, &script, &[&[scenario], args].concat())
+    }
+
+    /// Starts a script by a command that runs Python.
+    pub fn spawn(python: &mut Command, domain: u32, script: &Path, args: &[&str]) -> Self {
+        Self(isolated(python, domain).arg(script).args(args).spawn().expect("python started"))
     }
 
     /// Waits until the function has returned without a failure, where it starts the node itself.
-    pub fn succeed_alone(mut self) {
-        let status = wait(&mut self.0, 12 * DEADLINE);
+    pub fn succeed_alone(self) {
+        self.succeed_alone_within(12 * DEADLINE);
+    }
+
+    /// Waits for that as long as it may take.
+    pub fn succeed_alone_within(mut self, limit: Duration) {
+        let status = wait(&mut self.0, limit);
         assert!(status.is_some_and(|s| s.success()), "the peer failed: {status:?}");
     }
 

@@ -1,0 +1,64 @@
+"""Starts the tracker.
+
+    ros2 launch long_term_tracker tracker.launch.py image:=/camera/image_raw
+    ros2 launch long_term_tracker tracker.launch.py namespace:=robot name:=eye preset:=paper log_level:=debug
+    ros2 launch long_term_tracker tracker.launch.py --show-args
+
+From another launch file, include it with `IncludeLaunchDescription` and give what differs in `launch_arguments`.
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterFile, ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+PACKAGE = "long_term_tracker"
+
+# Name, default and description.
+ARGUMENTS = [
+    ("namespace", "", "Namespace of the node and of its topics."),
+    ("name", "tracker", "Name of the node; its topics and services lie below it."),
+    ("image", "image", "Topic of the raw images; with another image_transport, what that appends to it is listened to."),
+    ("image_transport", "raw", "How images come: raw or compressed; wins over the parameter file."),
+    ("preset", "default", "Parameter file of this package, without .yaml: default, fast or paper."),
+    (
+        "params_file",
+        [PathJoinSubstitution([FindPackageShare(PACKAGE), "params", LaunchConfiguration("preset")]), ".yaml"],
+        "Parameter file in place of a preset's.",
+    ),
+    ("tracks", "~/tracks", "Topic of the tracks."),
+    ("detections", "~/detections", "Topic of the detections for tools that speak vision_msgs."),
+    ("init_roi", "~/init_roi", "Topic on which targets are marked."),
+    ("use_sim_time", "false", "Accepted as by every node; the tracker takes its time from the images."),
+    ("log_level", "info", "debug, info, warn, error or fatal."),
+]
+# Topics that have an argument of their own.
+REMAPPED = {"image": "image", "~/tracks": "tracks", "~/detections": "detections", "~/init_roi": "init_roi"}
+
+
+def generate_launch_description():
+    arguments = [
+        DeclareLaunchArgument(name, default_value=default, description=description)
+        for name, default, description in ARGUMENTS
+    ]
+    node = Node(
+        package=PACKAGE,
+        executable="tracker_node",
+        namespace=LaunchConfiguration("namespace"),
+        name=LaunchConfiguration("name"),
+        output="screen",
+        emulate_tty=True,
+        # What comes later in the list wins over the file.
+        parameters=[
+            ParameterFile(LaunchConfiguration("params_file")),
+            {
+                "image_transport": ParameterValue(LaunchConfiguration("image_transport"), value_type=str),
+                "use_sim_time": ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool),
+            },
+        ],
+        remappings=[(topic, LaunchConfiguration(argument)) for topic, argument in REMAPPED.items()],
+        ros_arguments=["--log-level", LaunchConfiguration("log_level")],
+    )
+    return LaunchDescription([*arguments, node])
