@@ -178,7 +178,14 @@ fn signals_end_the_node_within_a_second() {
 #[test]
 fn what_is_waited_for_is_told_when_no_image_comes() {
     let node = Node::start(domain(), &[]);
-    node.wait_for("no image on /image after 5 s; publishers there: none");
+    node.wait_for("no image on /image after 5 s (best_effort, volatile); publishers there: none");
+    let log = scenario("mismatched", &["--ros-args", "-p", "qos_overrides./image.subscription.reliability:=reliable"]);
+    for part in [
+        "one that does not match: it is best_effort, reliable is asked for",
+        "other topics with images: /camera/image_raw",
+    ] {
+        assert!(log.contains(part), "no '{part}' in:\n{log}");
+    }
 }
 
 #[test]

@@ -33,6 +33,7 @@ pub mod parameters;
 pub mod receive;
 pub mod service;
 pub mod stats;
+pub mod waiting;
 pub mod worker;
 
 use std::ffi::OsString;

@@ -94,6 +94,7 @@ impl Threads {
                 ImageTransport::Compressed => Source::Compressed(endpoints.images(topic, qos)?),
             },
             topic: topic.clone(),
+            qos,
             context: endpoints.context.clone(),
             inbox: inbox.clone(),
             stats: stats.clone(),

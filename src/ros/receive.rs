@@ -14,15 +14,17 @@ use serde::de::DeserializeOwned;
 use smol::channel::Receiver;
 
 use super::convert::Received;
+use super::image_qos::ImageQos;
 use super::inbox::Inbox;
 use super::logging::{Throttle, held_back};
 use super::messages::{CompressedImage, Image, Topic};
 use super::stats::{Stats, count};
+use super::waiting;
 use crate::decode::DecodeError;
 use crate::error::FrameError;
 use crate::frame::{Encoding, Stamp};
 
-/// How long no image may come before the log says what is waited for.
+/// How long no image may come, at first or later, before the log says what is waited for.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// All that the thread needs.
@@ -31,6 +33,8 @@ pub struct Receive {
     pub source: Source,
     /// The name of that topic.
     pub topic: Name,
+    /// What was asked for there.
+    pub qos: ImageQos,
     /// To see who else is there.
     pub context: Context,
     /// Where images go.
@@ -105,22 +109,23 @@ impl Receive {
     async fn receive(&self) {
         let images = self.source.images().fuse();
         let end = self.end.recv().fuse();
-        let patience = FutureExt::fuse(smol::Timer::after(PATIENCE));
-        pin_mut!(images, end, patience);
+        pin_mut!(images, end);
         let mut throttle = Throttle::default();
         let mut sequence = None;
         let mut last = None;
+        let mut is_told = false;
         loop {
+            let patience = if is_told { smol::Timer::never() } else { smol::Timer::after(PATIENCE) };
             let result = select! {
                 _ = end => return,
-                _ = patience => {
-                    if last.is_none() {
-                        warn!("{}", self.waiting());
-                    }
+                _ = FutureExt::fuse(patience) => {
+                    warn!("{}", self.waiting());
+                    is_told = true;
                     continue;
                 }
                 image = images.select_next_some() => image,
             };
+            is_told = false;
             let (complaint, message) = match result {
                 Ok((taken, about)) => {
                     count(&self.stats.received, 1);
@@ -169,28 +174,10 @@ impl Receive {
 
     /// What is waited for, and what there is that might be meant.
     fn waiting(&self) -> String {
-        let wire = |name: &str| name.strip_prefix("rt").map(str::to_owned);
+        let writers = self.context.domain_participant().discovered_writers();
+        let publishers = writers.iter().map(|writer| &writer.publication_topic_data);
         let kind = self.source.type_name().dds_msg_type();
-        let (mut here, mut elsewhere) = (Vec::new(), Vec::new());
-        for writer in self.context.domain_participant().discovered_writers() {
-            let data = &writer.publication_topic_data;
-            let Some(name) = wire(&data.topic_name) else { continue };
-            if name == self.topic.to_string() {
-                here.push(format!("{} with {:?}", data.type_name, data.reliability));
-            } else if data.type_name == kind {
-                elsewhere.push(name);
-            }
-        }
-        elsewhere.sort_unstable();
-        elsewhere.dedup();
-        let listed = |items: Vec<String>| if items.is_empty() { "none".to_owned() } else { items.join(", ") };
-        format!(
-            "no image on {} after {} s; publishers there: {}; other topics with images: {}",
-            self.topic,
-            PATIENCE.as_secs(),
-            listed(here),
-            listed(elsewhere)
-        )
+        waiting::line(&self.topic.to_string(), &kind, self.qos, PATIENCE.as_secs(), publishers)
     }
 }
 

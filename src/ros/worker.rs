@@ -42,8 +42,8 @@ struct Memory {
     newest: Option<Arc<Received>>,
     /// Marks on images that have not come yet.
     pending: Vec<Start>,
-    /// The state that was last told in the log.
-    told: Option<State>,
+    /// The targets that the log was last told are lost.
+    lost: Vec<Arc<str>>,
     throttle: Throttle<&'static str>,
 }
 
@@ -249,15 +249,15 @@ impl Worker {
 
     /// Tells the log when a target is lost or found again.
     fn tell(&self, memory: &mut Memory) {
-        let Some(target) = self.session.output().targets.first() else {
-            memory.told = None;
-            return;
-        };
-        let was_lost = memory.told.replace(target.state) == Some(State::Lost);
-        match (was_lost, target.state == State::Lost) {
-            (false, true) => info!("target {} lost at {}", target.id, target.rect),
-            (true, false) => info!("target {} found again at {}", target.id, target.rect),
-            _ => {}
+        let targets = &self.session.output().targets;
+        for target in targets {
+            match (memory.lost.contains(&target.id), target.state == State::Lost) {
+                (false, true) => info!("target {} lost at {}", target.id, target.rect),
+                (true, false) => info!("target {} found again at {}", target.id, target.rect),
+                _ => {}
+            }
         }
+        memory.lost.clear();
+        memory.lost.extend(targets.iter().filter(|t| t.state == State::Lost).map(|t| t.id.clone()));
     }
 }

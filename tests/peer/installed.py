@@ -61,9 +61,16 @@ def follow(peer):
     cameras = peer.node.create_publisher(CameraInfo, "/camera/camera_info", 10)
     peer.spin_until(cameras.get_subscription_count, "the follower")
     k = [FOCAL, 0.0, WIDTH / 2, 0.0, FOCAL, HEIGHT / 2, 0.0, 0.0, 1.0]
-    cameras.publish(CameraInfo(width=WIDTH, height=HEIGHT, k=k))
+
+    # Until all have found each other, a message may be lost.
+    peer.spin_until(lambda: peer.step() and commands, "the first command")
     peer.spin_until(lambda: turn()[0].tracks, "the follower's mark")
-    peer.spin_until(lambda: turn()[1].angular.z != 0, "the first turn")
+
+    def moves():
+        cameras.publish(CameraInfo(width=WIDTH, height=HEIGHT, k=k))
+        return turn()[1].angular.z != 0
+
+    peer.spin_until(moves, "the first turn")
     hidden = peer.scene.hidden = range(peer.index + 30, peer.index + 60)
     states = []
     while peer.index < hidden.stop + FOUND and states[-10:] != [0] * 10 or peer.index < hidden.stop:

@@ -380,6 +380,16 @@ def diagnostics():
     peer.close()
 
 
+def mismatched():
+    """Publishers whose images the node, which asks for reliable ones, cannot have; its log tells why."""
+    peer = Peer()
+    lines = peer.listen(Log, "/rosout", 100)
+    peer.node.create_publisher(Image, "/camera/image_raw", 10)
+    told = lambda: [line for line in lines if "no image on /image" in line.msg]
+    peer.spin_until(lambda: peer.images.publish(peer.message(0)) or told(), "the line on /rosout")
+    peer.close()
+
+
 def debug_rate(seconds, least):
     """At 1280 x 720 and 30 Hz, default subscribers (reliable, of depth 10) and sensor-data ones see the debug images at
     nearly the frame rate."""
