@@ -4,21 +4,10 @@
 
 mod support;
 
-use support::{Node, Peer, domain};
+use support::scenario;
 
 /// Sets of parameters while a target is followed. The demanded thousand take a few seconds.
 const SETS: &str = "1000";
-
-/// Runs a scenario against a node, then ends the node; gives what it wrote.
-fn scenario(name: &str, args: &[&str], node_args: &[&str]) -> String {
-    let domain = domain();
-    let node = Node::start(domain, node_args);
-    Peer::start(domain, name, args).succeed(&node);
-    node.signal("INT");
-    let (code, log) = node.finish();
-    assert_eq!(code, Some(0), "{log}");
-    log
-}
 
 #[test]
 fn the_services_serve_the_one_table() {

@@ -8,18 +8,7 @@ use std::io::Write as _;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use support::{Node, Peer, domain};
-
-/// Runs a function of `tests/peer/scenarios.py` against a node, then ends the node; gives what it wrote.
-fn scenario(name: &str, args: &[&str]) -> String {
-    let domain = domain();
-    let node = Node::start(domain, args);
-    Peer::start(domain, name, &[]).succeed(&node);
-    node.signal("INT");
-    let (code, log) = node.finish();
-    assert_eq!(code, Some(0), "{log}");
-    log
-}
+use support::{Node, Peer, domain, scenario};
 
 #[test]
 fn a_target_is_marked_followed_stopped_and_taken_up_again() {
@@ -38,7 +27,7 @@ fn a_target_is_marked_followed_stopped_and_taken_up_again() {
 
 #[test]
 fn bad_input_is_told_and_changes_nothing() {
-    let log = scenario("bad_input", &[]);
+    let log = scenario("bad_input", &[], &[]);
     assert!(
         log.contains("image refused: step of 959 bytes is shorter than a row of 320 rgb8 pixels (960 bytes)"),
         "{log}"
@@ -48,7 +37,7 @@ fn bad_input_is_told_and_changes_nothing() {
 
 #[test]
 fn the_node_tells_of_its_health() {
-    scenario("diagnostics", &[]);
+    scenario("diagnostics", &[], &[]);
 }
 
 #[test]
@@ -156,7 +145,7 @@ fn names_and_parameters_are_what_the_arguments_say() {
         "--log-level",
         "debug",
     ];
-    let log = scenario("renamed", &args);
+    let log = scenario("renamed", &[], &args);
     assert!(log.contains("[robot.front.eye]: /robot/front/eye waits for images on /camera/image_raw"), "{log}");
     assert!(log.contains("unknown parameter 'a_parameter_of_another_node'"), "{log}");
     assert!(log.contains("[DEBUG]"), "{log}");
@@ -179,7 +168,8 @@ fn signals_end_the_node_within_a_second() {
 fn what_is_waited_for_is_told_when_no_image_comes() {
     let node = Node::start(domain(), &[]);
     node.wait_for("no image on /image after 5 s (best_effort, volatile); publishers there: none");
-    let log = scenario("mismatched", &["--ros-args", "-p", "qos_overrides./image.subscription.reliability:=reliable"]);
+    let log =
+        scenario("mismatched", &[], &["--ros-args", "-p", "qos_overrides./image.subscription.reliability:=reliable"]);
     for part in [
         "one that does not match: it is best_effort, reliable is asked for",
         "other topics with images: /camera/image_raw",

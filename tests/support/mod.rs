@@ -8,4 +8,4 @@ mod process;
 
 pub use environment::Environment;
 #[cfg(feature = "ros")]
-pub use process::{Node, Peer, domain};
+pub use process::{Node, Peer, domain, scenario};

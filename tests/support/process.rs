@@ -110,6 +110,14 @@ impl Node {
         Resources { resident: number("VmRSS:"), threads: number("Threads:"), files }
     }
 
+    /// Ends it as a user does, and gives all that was written.
+    pub fn end(self) -> String {
+        self.signal("INT");
+        let (code, log) = self.finish();
+        assert_eq!(code, Some(0), "{log}");
+        log
+    }
+
     /// Waits for the end; gives the exit code and all that was written.
     pub fn finish(mut self) -> (Option<i32>, String) {
         let status = wait(&mut self.child, DEADLINE).unwrap_or_else(|| panic!("the node runs on:\n{}", self.log()));
@@ -180,6 +188,15 @@ impl Drop for Peer {
     fn drop(&mut self) {
         end(&mut self.0);
     }
+}
+
+/// Runs a function of `tests/peer/scenarios.py` against a node with these arguments, then ends the node; gives what it
+/// wrote.
+pub fn scenario(name: &str, args: &[&str], node_args: &[&str]) -> String {
+    let domain = domain();
+    let node = Node::start(domain, node_args);
+    Peer::start(domain, name, args).succeed(&node);
+    node.end()
 }
 
 /// The exit status, unless the process still runs after `limit`.
