@@ -62,9 +62,11 @@ def follow(peer):
     peer.spin_until(cameras.get_subscription_count, "the follower")
     k = [FOCAL, 0.0, WIDTH / 2, 0.0, FOCAL, HEIGHT / 2, 0.0, 0.0, 1.0]
 
-    # Until all have found each other, a message may be lost.
-    peer.spin_until(lambda: peer.step() and commands, "the first command")
-    peer.spin_until(lambda: turn()[0].tracks, "the follower's mark")
+    def marked():
+        """The target stands still until all have found each other, for what is sent before may be lost."""
+        return peer.send(peer.message(0)).tracks and commands
+
+    peer.spin_until(marked, "the follower's mark")
 
     def moves():
         cameras.publish(CameraInfo(width=WIDTH, height=HEIGHT, k=k))
