@@ -1,9 +1,7 @@
 """A peer of Cyclone DDS, which knows nothing of ROS: topics by their names on the wire, types as written here."""
 
 import os
-import sys
 import time
-import traceback
 from dataclasses import dataclass
 
 from cyclonedds.core import Policy, Qos
@@ -16,6 +14,7 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from scene import HEIGHT, WIDTH, Scene, box_of, iou
+from script import run
 
 DEADLINE = 20.0
 # On loopback only, where participants are looked for one by one as well, for it may not do multicast.
@@ -236,10 +235,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except BaseException:
-        traceback.print_exc()
-        sys.stderr.flush()
-        os._exit(1)
-    os._exit(0)
+    run(main)

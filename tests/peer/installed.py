@@ -4,10 +4,7 @@ this package.
 Starts the node and the follower from where `ros2 run` would take them, plays the camera and checks what comes out.
 """
 
-import os
 import subprocess
-import sys
-import traceback
 from pathlib import Path
 
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
@@ -15,6 +12,7 @@ from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import CameraInfo
 
 from peer import *  # noqa: F403
+from script import run
 
 # Of the camera, in pixels.
 FOCAL = 300.0
@@ -22,10 +20,10 @@ FOCAL = 300.0
 FOUND = 120
 
 
-def run(*arguments):
+def program(*arguments):
     """A program of the package."""
-    program = Path(get_package_prefix("long_term_tracker"), "lib/long_term_tracker", arguments[0])
-    return subprocess.Popen([program, *arguments[1:]])
+    path = Path(get_package_prefix("long_term_tracker"), "lib/long_term_tracker", arguments[0])
+    return subprocess.Popen([path, *arguments[1:]])
 
 
 def as_launched(parameters):
@@ -96,11 +94,11 @@ def main():
     assert (share / "msg/Track.msg").is_file()
     parameters = share / "params/default.yaml"
     for offline in ["track", "evaluate"]:
-        assert run(offline, "--version").wait(DEADLINE) == 0
+        assert program(offline, "--version").wait(DEADLINE) == 0
     box = "[{}, {}, {}, {}]".format(*Scene().box(0))
-    started = [run("tracker_node", *as_launched(parameters))]
+    started = [program("tracker_node", *as_launched(parameters))]
     arguments = ["-p", "tracker:=eye", "-p", f"mark:={box}", "-r", "camera_info:=/camera/camera_info"]
-    started.append(run("follow.py", "--ros-args", "-r", "__ns:=/robot", *arguments))
+    started.append(program("follow.py", "--ros-args", "-r", "__ns:=/robot", *arguments))
     try:
         peer = Peer(tracker="/robot/eye", image="/camera/image_raw")
         peer.spin_until(lambda: {"/robot/eye", "/robot/follow"} <= set(peer.listed()), "both nodes")
@@ -123,10 +121,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except BaseException:
-        traceback.print_exc()
-        sys.stderr.flush()
-        os._exit(1)
-    os._exit(0)
+    run(main)

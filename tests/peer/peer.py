@@ -16,8 +16,6 @@ from vision_msgs.msg import Detection2D, Detection2DArray
 
 from scene import *  # noqa: F403
 
-from scene import *  # noqa: F403
-
 # Seconds until something that must happen has to have happened.
 DEADLINE = 20.0
 CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}

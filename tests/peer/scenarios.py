@@ -7,7 +7,6 @@ import struct
 import subprocess
 import sys
 import threading
-import traceback
 import zlib
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from rosbags.typesys import Stores, get_typestore
 from full_hd import *  # noqa: F403
 from parameters import *  # noqa: F403
 from restarts import *  # noqa: F403
+from script import run
 
 
 def whole_life(node_pid):
@@ -513,11 +513,4 @@ def endurance(node_pid, frames):
 
 
 if __name__ == "__main__":
-    try:
-        globals()[sys.argv[1]](*sys.argv[2:])
-    except BaseException:
-        traceback.print_exc()
-        sys.stderr.flush()
-        # Without waiting for what rclpy may still hold.
-        os._exit(1)
-    os._exit(0)
+    run(globals()[sys.argv[1]], *sys.argv[2:])
