@@ -229,7 +229,7 @@ fn evaluation_scores_what_it_can_and_reports_what_it_cannot() {
     let table = stdout(&output);
     assert!(table.starts_with("lcmht\n"), "{table}");
     let first_words: Vec<_> = table.lines().skip(2).filter_map(|l| l.split_whitespace().next()).collect();
-    assert_eq!(first_words, ["walk", "mean"]);
+    assert_eq!(first_words[..3], ["walk", "mean", "long-term:"]);
 
     let setup = &json(&report)["setups"][0];
     assert_eq!(setup["sequences"].as_array().unwrap().len(), 1);
@@ -293,6 +293,61 @@ fn each_parameter_file_is_scored_by_itself_and_single_values_win() {
 }
 
 #[test]
+fn other_trackers_are_scored_beside_ours_and_our_own_boxes_read_back() {
+    let dir = dataset();
+    let (boxes, other) = (dir.path().join("boxes"), dir.path().join("other"));
+    let walk = ["--sequences", "walk"];
+    let own = dir.path().join("own.json");
+    let args = ["--boxes", boxes.to_str().unwrap(), "--json", own.to_str().unwrap()];
+    assert_eq!(evaluate(dir.path(), &[&walk[..], &args].concat()).status.code(), Some(0));
+
+    // Follows the target for five frames and then says that it is lost.
+    std::fs::create_dir(&other).unwrap();
+    let row =
+        |k: usize| if k < 5 { format!("{},{},24,32\n", target(k).x, target(k).y) } else { "NaN,NaN,NaN,NaN\n".into() };
+    std::fs::write(other.join("walk.txt"), (0..FRAMES).map(row).collect::<String>()).unwrap();
+    std::fs::write(other.join("times.csv"), "sequence,frames,seconds\nwalk,10,0.5\n").unwrap();
+    let both = dir.path().join("both.json");
+    let (a, b) = (format!("ours={}", boxes.display()), format!("other={}", other.display()));
+    let args = ["--peers-only", "--peer", &a, "--peer", &b, "--json", both.to_str().unwrap()];
+    let output = evaluate(dir.path(), &args);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let (own, both) = (json(&own), json(&both));
+    let [ours, others] = &both["setups"].as_array().unwrap()[..] else { panic!("{both}") };
+    for figure in ["precision", "auc", "held", "long_term", "absences", "calibration", "curves"] {
+        assert_eq!(ours["mean"][figure], own["setups"][0]["mean"][figure], "{figure}");
+    }
+    assert_eq!(ours["peer"], true);
+    // Nine frames have truth; boxes of the four that count among the first five are exact, and one is of nothing.
+    let mean = &others["mean"];
+    assert_eq!((mean["lost_frames"].as_u64(), mean["fps"].as_f64()), (Some(5), Some(20.0)));
+    assert_eq!((&mean["absences"]["right"], &mean["absences"]["wrong"]), (&0.into(), &5.into()));
+    let close = |value: &serde_json::Value, expected: f64| assert!((value.as_f64().unwrap() - expected).abs() < 1e-12);
+    close(&mean["long_term"]["precision"], 0.8);
+    close(&mean["long_term"]["recall"], 4.0 / 9.0);
+    assert!(mean["calibration"].is_null() && mean["long_term"]["threshold"].is_null());
+    let last = stdout(&output).lines().last().unwrap();
+    assert!(last.starts_with("other ") && last.trim_end().ends_with("20"), "{last}");
+}
+
+#[test]
+fn several_starts_tell_how_much_hangs_on_luck() {
+    let dir = dataset();
+    let report = dir.path().join("report.json");
+    let args = ["--sequences", "walk", "--starts", "3", "--json", report.to_str().unwrap()];
+    let output = evaluate(dir.path(), &args);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let report = json(&report);
+    let setup = &report["setups"][0];
+    let runs: Vec<f64> =
+        setup["spread"]["auc"]["runs"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    assert_eq!((report["starts"].as_u64(), runs.len()), (Some(3), 3));
+    assert_eq!(Some(runs[0]), setup["mean"]["auc"].as_f64(), "the plain start comes first");
+    assert!(runs[1..].iter().all(|v| *v != runs[0]), "a pixel off is another run: {runs:?}");
+    assert!(stdout(&output).contains("3 starts:\n  precision mean 1.000, spread 0.000"), "{}", stdout(&output));
+}
+
+#[test]
 fn unusable_datasets_end_with_2_and_the_reason() {
     let dir = dataset();
     let missing = dir.path().join("missing");
@@ -302,6 +357,10 @@ fn unusable_datasets_end_with_2_and_the_reason() {
     assert_refused(&evaluate(dir.path(), &["--sequences", "walk,run"]), 2, "no sequence 'run'; there are late, walk");
     assert_refused(&evaluate(dir.path(), &["--algorithm", "guess"]), 2, "'algorithm' must be one of");
     assert_refused(&evaluate(dir.path(), &["--threads", "0"]), 2, "--threads");
+    assert_refused(&evaluate(dir.path(), &["--peer", "other"]), 2, "it must be NAME=DIR");
+    let peer = format!("other={}", missing.display());
+    assert_refused(&evaluate(dir.path(), &["--peer", &peer]), 2, "no file of boxes");
+    assert_refused(&evaluate(dir.path(), &["--peers-only"]), 2, "nothing to score");
     let json = missing.join("report.json");
     assert_refused(&evaluate(dir.path(), &["--json", json.to_str().unwrap()]), 2, &json.display().to_string());
 }

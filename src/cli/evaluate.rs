@@ -9,23 +9,27 @@ use clap::Parser;
 
 use super::{Error, params, progress, rows};
 use crate::eval::dataset::{self, Sequence};
+use crate::eval::peers::{Peer, TIMES_FILE};
 use crate::eval::report::{Report, Table};
-use crate::eval::run::{Run, Setup, run_all};
+use crate::eval::run::{Run, Setup, Start, run_all};
 use crate::params::{Assignment, Value, assignment};
 
 /// Score trackers on sequences with ground truth: one pass, no resets, by the rules of the object tracking
-/// benchmark.
+/// benchmark, and by those of long-term tracking.
 ///
-/// Prints a table for each algorithm and parameter file. precision: share of frames whose centres are at most 20 px
-/// apart; AUC: area under the success curve of 21 overlaps; held: share with an overlap above 0.1; lost: frames
-/// reported lost; recovered: losses that ended on the target (overlap above 0.3 within 10 frames); fps: frames a
-/// second of the tracker's processor time (where several sequences run at a time, without what a network computes in
-/// threads of its own). Exit codes: 0 done, 1 a sequence failed, 2 unusable arguments.
+/// Prints a table for each algorithm and parameter file and for each other tracker.
+/// prec: share of frames whose centres are at most 20 px apart; AUC: area under the success curve of 21 overlaps;
+/// held: share with an overlap above 0.1; F: of long-term precision and recall, at the best confidence;
+/// lost: frames reported lost; right, wrong: of these, frames with the target out of view or fully hidden, and in view;
+/// astray: frames in view, not reported lost, and not held; recovered: losses that ended on the target (overlap above
+/// 0.3 within 10 frames); fps: frames a second of the tracker's processor time (where several sequences run at a time,
+/// without what a network computes in threads of its own).
+/// Exit codes: 0 done, 1 a sequence failed, 2 unusable arguments.
 #[derive(Debug, Parser)]
 #[command(name = "evaluate", version)]
 pub struct Args {
-    /// A folder of sequences: each a folder with images, in img/ or not, and a groundtruth_rect.txt (x,y,w,h a row,
-    /// NaN = not in view).
+    /// A folder of sequences: each a folder with images, in img/ or not, a groundtruth_rect.txt (x,y,w,h a row, NaN =
+    /// not in view) and, where known, an occlusion.txt (a row a frame, the hidden share of the box).
     dataset: PathBuf,
     /// A tracker to score; may be given several times.
     #[arg(long, value_name = "NAME")]
@@ -36,6 +40,18 @@ pub struct Args {
     /// Sets a parameter for all; wins over files.
     #[arg(short = 'p', long = "param", value_name = "NAME:=VALUE", value_parser = assignment)]
     set: Vec<Assignment>,
+    /// Another tracker, whose boxes are read from DIR/SEQUENCE.txt or .csv: x,y,w,h a row, NaN = it says that the
+    /// target is not in view, with or without its confidence in a fifth column; DIR/times.csv may hold
+    /// sequence,frames,seconds. May be given several times.
+    #[arg(long = "peer", value_name = "NAME=DIR")]
+    peers: Vec<Peer>,
+    /// Runs nothing, and scores the peers alone.
+    #[arg(long)]
+    peers_only: bool,
+    /// Runs each sequence so many times: from the true box, then each time one pixel off in another direction and with
+    /// another seed. The tables are those of the first; how far the others differ is told below.
+    #[arg(long, value_name = "N", default_value = "1")]
+    starts: NonZeroUsize,
     /// Only these sequences, in this order.
     #[arg(long, value_name = "A,B,...", value_delimiter = ',')]
     sequences: Vec<String>,
@@ -48,33 +64,39 @@ pub struct Args {
     /// Writes the figures as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Writes the boxes as DIR/SEQUENCE.csv, or DIR/SETUP/SEQUENCE.csv where there are several tables: the columns of
-    /// track and the overlap with the true box.
+    /// Writes the boxes as DIR/SEQUENCE.csv, or DIR/SETUP/SEQUENCE.csv where there are several parameter files: the
+    /// columns of track and the overlap with the true box; and a times.csv, so that --peer reads them again.
     #[arg(long, value_name = "DIR")]
     boxes: Option<PathBuf>,
 }
 
 /// Runs the command; the tables go to `out`.
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<(), Error> {
-    let setups = setups(args)?;
+    let setups = if args.peers_only { Vec::new() } else { setups(args)? };
+    if setups.is_empty() && args.peers.is_empty() {
+        return Err(Error::NoSetup);
+    }
+    let limit = args.frames.map_or(usize::MAX, NonZeroUsize::get);
     let sequences = dataset::load(&args.dataset, &args.sequences)?;
+    let peers = args.peers.iter().map(|peer| peer.load(&sequences, limit)).collect::<Result<Vec<_>, _>>()?;
     let json = args.json.as_deref().map(create).transpose()?;
     let folders = folders(args, &setups)?;
 
-    let limit = args.frames.map_or(usize::MAX, NonZeroUsize::get);
+    let starts = Start::variants(args.starts.get());
     let threads = args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
     let total: usize = sequences.iter().map(|s| s.truth.len().min(limit)).sum();
-    let bar = progress(Some(total * setups.len()));
-    let results = run_all(&setups, &sequences, limit, threads, || bar.inc(1));
+    let bar = progress(Some(total * setups.len() * starts.len()));
+    let results = run_all(&setups, &sequences, &starts, limit, threads, || bar.inc(1));
     bar.finish_and_clear();
 
     let mut failed = 0;
     let mut tables = Vec::new();
     for ((setup, folder), results) in setups.iter().zip(&folders).zip(&results) {
         let mut done = Vec::new();
-        for (sequence, result) in sequences.iter().zip(results) {
-            match result {
-                Ok(run) => done.push((sequence, run)),
+        for (i, sequence) in sequences.iter().enumerate() {
+            // What keeps one start from its end keeps them all.
+            match results.iter().map(|run| run[i].as_ref()).collect::<Result<Vec<_>, _>>() {
+                Ok(runs) => done.push((sequence, runs)),
                 Err(error) => {
                     failed += 1;
                     eprintln!("error: {}, {}: {error}", setup.name, sequence.name);
@@ -82,11 +104,15 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<(), Error> {
             }
         }
         if let Some(folder) = folder {
-            done.iter().try_for_each(|(sequence, run)| write_boxes(folder, sequence, run))?;
+            write_boxes(folder, &done)?;
         }
-        tables.push(Table::new(setup, done));
+        tables.push(Table::new(&setup.name, Some(&setup.params), &done));
     }
-    let report = Report { dataset: args.dataset.display().to_string(), setups: tables };
+    for (peer, runs) in args.peers.iter().zip(&peers) {
+        let done = sequences.iter().zip(runs).filter_map(|(s, run)| Some((s, vec![run.as_ref()?])));
+        tables.push(Table::new(&peer.name, None, &done.collect::<Vec<_>>()));
+    }
+    let report = Report { dataset: args.dataset.display().to_string(), starts: starts.len(), setups: tables };
     if let (Some(file), Some(path)) = (json, &args.json) {
         write_json(file, &report).map_err(|why| Error::Write { to: path.display().to_string(), why })?;
     }
@@ -150,16 +176,26 @@ fn write_json(file: File, report: &Report) -> Result<(), String> {
     writeln!(out).and_then(|()| out.flush()).map_err(|e| e.to_string())
 }
 
-fn write_boxes(folder: &Path, sequence: &Sequence, run: &Run) -> Result<(), Error> {
-    let path = folder.join(format!("{}.csv", sequence.name));
-    let write = || {
-        let mut out = BufWriter::new(File::create(&path)?);
-        writeln!(out, "{},overlap", rows::HEADER)?;
-        for ((output, row), truth) in run.outputs.iter().zip(run.rows()).zip(&sequence.truth) {
-            rows::write(&mut out, output)?;
-            writeln!(out, ",{:.3}", truth.map_or(f64::NAN, |t| t.iou(&row.1)))?;
-        }
-        out.flush()
-    };
-    write().map_err(|e: std::io::Error| Error::Write { to: path.display().to_string(), why: e.to_string() })
+/// Writes the boxes of the first run over each sequence, and how long it took.
+fn write_boxes(folder: &Path, done: &[(&Sequence, Vec<&Run>)]) -> Result<(), Error> {
+    let failed = |path: &Path, e: std::io::Error| Error::Write { to: path.display().to_string(), why: e.to_string() };
+    let mut times = "sequence,frames,seconds\n".to_owned();
+    for (sequence, runs) in done {
+        let path = folder.join(format!("{}.csv", sequence.name));
+        write_rows(&path, sequence, runs[0]).map_err(|e| failed(&path, e))?;
+        let seconds = runs[0].processor_time.unwrap_or_default().as_secs_f64();
+        times += &format!("{},{},{seconds:.3}\n", sequence.name, runs[0].answers.len());
+    }
+    let path = folder.join(TIMES_FILE);
+    std::fs::write(&path, times).map_err(|e| failed(&path, e))
+}
+
+fn write_rows(path: &Path, sequence: &Sequence, run: &Run) -> std::io::Result<()> {
+    let mut out = BufWriter::new(File::create(path)?);
+    writeln!(out, "{},overlap", rows::HEADER)?;
+    for (answer, truth) in run.answers.iter().zip(&sequence.truth) {
+        rows::write_box(&mut out, &answer.rect, answer.confidence.unwrap_or_default() as f32, answer.state)?;
+        writeln!(out, ",{:.3}", truth.map_or(f64::NAN, |t| t.iou(&answer.rect)))?;
+    }
+    out.flush()
 }

@@ -13,6 +13,7 @@ use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 
 use crate::error::{NetworkError, ParamsError, StartError};
 use crate::eval::dataset::DatasetError;
+use crate::eval::peers::PeerError;
 use crate::params::{Assignment, NodeName, Params, Phase, Value, file};
 use crate::record::RecordError;
 use crate::replay::ReplayError;
@@ -44,6 +45,12 @@ pub enum Error {
     /// The dataset cannot be used.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    /// The boxes of another tracker cannot be used.
+    #[error(transparent)]
+    Peer(#[from] PeerError),
+    /// Nothing is left to score.
+    #[error("nothing to score: --peers-only, but no --peer NAME=DIR")]
+    NoSetup,
     /// A frame cannot be read.
     #[error(transparent)]
     Read(ReplayError),

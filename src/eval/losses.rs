@@ -1,7 +1,7 @@
 //! What became of a target that was reported lost.
 
+use super::answer::Answer;
 use crate::geometry::Rect;
-use crate::tracker::State;
 
 /// Overlap with the true box above which a found target counts as the right one.
 pub const RECOVERED_OVERLAP: f64 = 0.3;
@@ -20,11 +20,11 @@ pub struct Losses {
     pub recovered: usize,
 }
 
-/// Counts the losses among frames with the state and box of each, and the true box where there is one.
-pub fn losses(rows: &[(State, Rect)], truth: &[Option<Rect>]) -> Losses {
-    let lost = |i: usize| rows[i].0 == State::Lost;
-    let right = |i: usize| truth[i].is_some_and(|t| t.iou(&rows[i].1) > RECOVERED_OVERLAP);
-    let count = rows.len().min(truth.len());
+/// Counts the losses among frames with the answer on each, and the true box where there is one.
+pub fn losses(answers: &[Answer], truth: &[Option<Rect>]) -> Losses {
+    let lost = |i: usize| answers[i].is_lost();
+    let right = |i: usize| answers[i].overlap(truth[i]) > RECOVERED_OVERLAP;
+    let count = answers.len().min(truth.len());
     let mut found = Losses::default();
     for i in (0..count).filter(|&i| lost(i)) {
         found.frames += 1;
@@ -38,21 +38,23 @@ pub fn losses(rows: &[(State, Rect)], truth: &[Option<Rect>]) -> Losses {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tracker::State;
 
     /// Rows from letters: `t` tracked on the target, `w` tracked on something else, `l` lost, `a` absent and
     /// tracked nowhere.
     fn count(letters: &str) -> Losses {
         let target = Rect::new(0.0, 0.0, 10.0, 20.0);
-        let (rows, truth): (Vec<_>, Vec<_>) = letters
+        let answer = |state, rect| Answer { rect, confidence: None, state, reacquired: false };
+        let (answers, truth): (Vec<_>, Vec<_>) = letters
             .chars()
             .map(|c| match c {
-                't' => ((State::Tracking, target.shifted(2.0, 0.0)), Some(target)),
-                'w' => ((State::Uncertain, target.shifted(8.0, 0.0)), Some(target)),
-                'a' => ((State::Tracking, target), None),
-                _ => ((State::Lost, target), Some(target)),
+                't' => (answer(State::Tracking, target.shifted(2.0, 0.0)), Some(target)),
+                'w' => (answer(State::Uncertain, target.shifted(8.0, 0.0)), Some(target)),
+                'a' => (answer(State::Tracking, target), None),
+                _ => (answer(State::Lost, target), Some(target)),
             })
             .unzip();
-        losses(&rows, &truth)
+        losses(&answers, &truth)
     }
 
     #[test]

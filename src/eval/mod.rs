@@ -1,7 +1,24 @@
 //! How good a tracker is: sequences with ground truth, runs over them, and scores.
+//!
+//! ```text
+//! dataset   sequences: true boxes, and how much of each is hidden
+//!   -> run | peers     an answer a frame: by a tracker that is run here, or read from another one's file
+//!   -> otb, long_term, absences, losses, calibration       one figure each
+//!   -> figures         all of one sequence, and of several
+//!   -> report, spread  all of one setup; the same started several times
+//!   -> text            for the terminal; JSON comes by serde
+//! ```
 
+pub mod absences;
+pub mod answer;
+pub mod calibration;
 pub mod dataset;
+pub mod figures;
+pub mod long_term;
 pub mod losses;
 pub mod otb;
+pub mod peers;
 pub mod report;
 pub mod run;
+pub mod spread;
+pub mod text;

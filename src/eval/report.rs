@@ -1,33 +1,40 @@
-//! The figures of an evaluation, as a table for people and as JSON for programs.
+//! The figures of an evaluation: a table a setup, a row a sequence. It serialises to the JSON that programs read, whose
+//! names are those of the fields here and in [`figures`](super::figures); [`text`](super::text) prints it for people.
 
-use std::fmt::{self, Write as _};
+use std::collections::BTreeMap;
 
 use serde::Serialize;
 
 use super::dataset::Sequence;
-use super::losses::losses;
-use super::otb::score;
-use super::run::{Run, Setup};
+use super::figures::{Figures, Scored, mean};
+use super::run::Run;
+use super::spread::Spreads;
 use crate::params::{Params, descriptors};
 
-/// The figures of all sets of parameters.
+/// The figures of all setups.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// The dataset's folder, as it was given.
     pub dataset: String,
-    /// One a set of parameters.
+    /// How often each sequence was run by a tracker of ours.
+    pub starts: usize,
+    /// One a set of parameters, then one another tracker.
     pub setups: Vec<Table>,
 }
 
-/// The figures of one set of parameters.
+/// The figures of one tracker: one of ours with its parameters, or another's.
 #[derive(Clone, Debug, Serialize)]
 pub struct Table {
-    /// What the set is called.
+    /// What the setup is called.
     pub name: String,
+    /// Whether the boxes were read from files.
+    pub peer: bool,
     /// The parameters that differ from their defaults, values as YAML.
-    pub parameters: std::collections::BTreeMap<&'static str, String>,
-    /// Shares are means over the sequences, counts are sums, the speed is over all frames.
+    pub parameters: BTreeMap<&'static str, String>,
+    /// Over all sequences, from the plain start.
     pub mean: Option<Figures>,
+    /// Of the means from each start, where there are several.
+    pub spread: Option<Spreads>,
     /// One a sequence that was run to its end, by name.
     pub sequences: Vec<Row>,
 }
@@ -37,103 +44,41 @@ pub struct Table {
 pub struct Row {
     /// The sequence.
     pub name: String,
-    /// Its figures.
+    /// Its figures, from the plain start.
     #[serde(flatten)]
     pub figures: Figures,
-}
-
-/// Figures of one or more sequences.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Figures {
-    /// Frames that were tracked.
-    pub frames: usize,
-    /// See [`Score::precision`](super::otb::Score::precision).
-    pub precision: f64,
-    /// See [`Score::auc`](super::otb::Score::auc).
-    pub auc: f64,
-    /// See [`Score::held`](super::otb::Score::held).
-    pub held: f64,
-    /// Frames reported as lost.
-    pub lost_frames: usize,
-    /// Times the tracker said that it found the target again.
-    pub reacquired: usize,
-    /// Runs of lost frames.
-    pub losses: usize,
-    /// Those that ended on the right target; see [`Losses`](super::losses::Losses).
-    pub recovered: usize,
-    /// Processor time of the tracker, in seconds.
-    pub seconds: f64,
-    /// Frames a second of that time.
-    pub fps: f64,
-}
-
-impl Figures {
-    /// The figures of a run; `None` where no frame of it has ground truth.
-    pub fn of(run: &Run, sequence: &Sequence) -> Option<Self> {
-        let rows = run.rows();
-        let truth = &sequence.truth[..rows.len()];
-        let boxes: Vec<_> = rows.iter().map(|r| r.1).collect();
-        let score = score(&boxes, truth)?;
-        let losses = losses(&rows, truth);
-        let seconds = run.processor_time.as_secs_f64();
-        Some(Self {
-            frames: rows.len(),
-            precision: score.precision,
-            auc: score.auc,
-            held: score.held,
-            lost_frames: losses.frames,
-            reacquired: run.outputs.iter().flat_map(|o| &o.targets).filter(|t| t.reacquired).count(),
-            losses: losses.count,
-            recovered: losses.recovered,
-            seconds,
-            fps: rate(rows.len(), seconds),
-        })
-    }
-
-    /// Means of shares, sums of counts; `None` of nothing.
-    fn mean(rows: &[Row]) -> Option<Self> {
-        if rows.is_empty() {
-            return None;
-        }
-        let share = |of: fn(&Self) -> f64| rows.iter().map(|r| of(&r.figures)).sum::<f64>() / rows.len() as f64;
-        let sum = |of: fn(&Self) -> usize| rows.iter().map(|r| of(&r.figures)).sum::<usize>();
-        let (frames, seconds) = (sum(|f| f.frames), rows.iter().map(|r| r.figures.seconds).sum::<f64>());
-        Some(Self {
-            frames,
-            precision: share(|f| f.precision),
-            auc: share(|f| f.auc),
-            held: share(|f| f.held),
-            lost_frames: sum(|f| f.lost_frames),
-            reacquired: sum(|f| f.reacquired),
-            losses: sum(|f| f.losses),
-            recovered: sum(|f| f.recovered),
-            seconds,
-            fps: rate(frames, seconds),
-        })
-    }
-}
-
-/// So many a second; 0 where no time has passed.
-fn rate(frames: usize, seconds: f64) -> f64 {
-    if seconds > 0.0 { frames as f64 / seconds } else { 0.0 }
+    /// Of the figures from each start, where there are several.
+    pub spread: Option<Spreads>,
 }
 
 impl Table {
-    /// The table of a set from its runs.
-    pub fn new<'a>(setup: &Setup, runs: impl IntoIterator<Item = (&'a Sequence, &'a Run)>) -> Self {
-        let row =
-            |(sequence, run)| Some(Row { name: Sequence::clone(sequence).name, figures: Figures::of(run, sequence)? });
-        let sequences: Vec<Row> = runs.into_iter().filter_map(row).collect();
+    /// The table of a setup from the sequences that were run to their ends, each with its runs by start.
+    pub fn new(name: &str, params: Option<&Params>, done: &[(&Sequence, Vec<&Run>)]) -> Self {
+        let scored = |(sequence, runs): &(&Sequence, Vec<&Run>)| {
+            let scored: Option<Vec<_>> = runs.iter().map(|run| Scored::new(run, sequence)).collect();
+            Some((sequence.name.clone(), scored.filter(|s| !s.is_empty())?))
+        };
+        let scored: Vec<(String, Vec<Scored>)> = done.iter().filter_map(scored).collect();
+        let starts = scored.iter().map(|(_, runs)| runs.len()).min().unwrap_or(0);
+        let means: Vec<Figures> =
+            (0..starts).filter_map(|k| mean(&scored.iter().map(|(_, runs)| &runs[k]).collect::<Vec<_>>())).collect();
+        let row = |(name, runs): &(String, Vec<Scored>)| Row {
+            name: name.clone(),
+            figures: runs[0].figures.clone(),
+            spread: Spreads::new(&runs.iter().map(|s| &s.figures).collect::<Vec<_>>()),
+        };
         Self {
-            name: setup.name.clone(),
-            parameters: changed(&setup.params),
-            mean: Figures::mean(&sequences),
-            sequences,
+            name: name.to_owned(),
+            peer: params.is_none(),
+            parameters: params.map(changed).unwrap_or_default(),
+            spread: Spreads::new(&means.iter().collect::<Vec<_>>()),
+            mean: means.into_iter().next(),
+            sequences: scored.iter().map(row).collect(),
         }
     }
 }
 
-fn changed(params: &Params) -> std::collections::BTreeMap<&'static str, String> {
+fn changed(params: &Params) -> BTreeMap<&'static str, String> {
     let value = |name| params.get(name);
     descriptors()
         .iter()
@@ -141,109 +86,65 @@ fn changed(params: &Params) -> std::collections::BTreeMap<&'static str, String> 
         .collect()
 }
 
-/// One table a set, one line a sequence, the means last.
-impl fmt::Display for Report {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, table) in self.setups.iter().enumerate() {
-            if i > 0 {
-                writeln!(f)?;
-            }
-            write!(f, "{table}")?;
-        }
-        Ok(())
-    }
-}
-
-impl fmt::Display for Table {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const MEAN: &str = "mean";
-        let names = self.sequences.iter().map(|r| r.name.chars().count());
-        let width = names.chain([MEAN.len()]).max().unwrap_or_default();
-        writeln!(f, "{}", self.name)?;
-        writeln!(f, "{:width$}  frames  precision    AUC   held   lost  re-acquired  recovered/losses    fps", "")?;
-        let mut line = |name: &str, d: usize, g: &Figures| {
-            let mut ratio = String::new();
-            write!(ratio, "{}/{}", g.recovered, g.losses)?;
-            writeln!(
-                f,
-                "{name:width$}  {:6}  {:9.d$}  {:5.d$}  {:5.d$}  {:5}  {:11}  {ratio:>16}  {:5.0}",
-                g.frames, g.precision, g.auc, g.held, g.lost_frames, g.reacquired, g.fps
-            )
-        };
-        for row in &self.sequences {
-            line(&row.name, 2, &row.figures)?;
-        }
-        self.mean.iter().try_for_each(|mean| line(MEAN, 3, mean))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::eval::answer::Answer;
     use crate::geometry::Rect;
-    use crate::tracker::{Output, State, Target};
+    use crate::tracker::State;
     use std::time::Duration;
 
+    const BOX: Rect = Rect::new(10.0, 10.0, 20.0, 20.0);
+
     fn sequence(name: &str, truth: Vec<Option<Rect>>) -> Sequence {
-        Sequence { name: name.to_owned(), path: name.into(), truth }
+        Sequence { name: name.to_owned(), path: name.into(), truth, hidden: None }
     }
 
-    fn output(rect: Rect, state: State, reacquired: bool) -> Output {
-        let target = Target {
-            id: "0".into(),
-            rect,
-            velocity: [0.0; 2],
-            confidence: 1.0,
-            response: 0.0,
+    fn run(rows: &[(f64, State, bool)], millis: u64) -> Run {
+        let answer = |&(shift, state, reacquired): &(f64, State, bool)| Answer {
+            rect: BOX.shifted(shift, 0.0),
+            confidence: Some(1.0),
             state,
             reacquired,
-            age: 0,
-            lost_for: 0,
         };
-        Output { targets: vec![target] }
+        let processor_time = Some(Duration::from_millis(millis));
+        Run { answers: rows.iter().map(answer).collect(), processor_time }
     }
 
     /// Two sequences by hand: a perfect one with a frame out of view, and one that is lost for a frame, 30 px off.
     #[test]
     fn figures_and_means_agree_with_those_computed_by_hand() {
-        let t = Rect::new(10.0, 10.0, 20.0, 20.0);
-        let away = t.shifted(30.0, 0.0);
-        let sequences = [sequence("a", vec![Some(t), None, Some(t)]), sequence("b", vec![Some(t); 4])];
-        let tracked = |state| output(t, state, false);
+        use State::{Lost, Tracking, Uncertain};
+        let sequences = [sequence("a", vec![Some(BOX), None, Some(BOX)]), sequence("b", vec![Some(BOX); 4])];
         let runs = [
-            Run {
-                outputs: vec![
-                    tracked(State::Tracking),
-                    output(away, State::Uncertain, false),
-                    tracked(State::Tracking),
-                ],
-                processor_time: Duration::from_millis(30),
-            },
-            Run {
-                outputs: vec![
-                    tracked(State::Tracking),
-                    output(away, State::Lost, false),
-                    output(t, State::Tracking, true),
-                    output(away, State::Tracking, false),
-                ],
-                processor_time: Duration::from_millis(110),
-            },
+            run(&[(0.0, Tracking, false), (30.0, Uncertain, false), (0.0, Tracking, false)], 30),
+            run(&[(0.0, Tracking, false), (30.0, Lost, false), (0.0, Tracking, true), (30.0, Tracking, false)], 110),
         ];
-        let setup = Setup { name: "lcmht".to_owned(), params: Params::default() };
-        let table = Table::new(&setup, sequences.iter().zip(&runs));
+        let worse = run(&[(0.0, Tracking, false), (30.0, Tracking, false), (30.0, Tracking, false)], 30);
+        let done: Vec<_> = sequences.iter().zip(&runs).map(|(s, r)| (s, vec![r])).collect();
+        let table = Table::new("lcmht", Some(&Params::default()), &done);
         let (a, b) = (&table.sequences[0].figures, &table.sequences[1].figures);
         assert_eq!((a.frames, a.precision, a.held, a.losses), (3, 1.0, 1.0, 0));
         assert_eq!((b.frames, b.precision, b.held, b.reacquired), (4, 0.5, 0.5, 1));
         assert_eq!((b.lost_frames, b.losses, b.recovered), (1, 1, 1));
+        assert_eq!((a.long_term.best.precision, a.long_term.best.recall), (2.0 / 3.0, 1.0));
+        assert_eq!((b.long_term.best.precision, b.long_term.best.recall), (2.0 / 3.0, 0.5));
+        assert_eq!((a.absences.absent_frames, b.absences.wrong, b.absences.astray), (1, 1, 1));
         let mean = table.mean.as_ref().unwrap();
         assert_eq!((mean.frames, mean.precision, mean.held), (7, 0.75, 0.75));
         assert!((mean.auc - (20.0 / 21.0 + 10.0 / 21.0) / 2.0).abs() < 1e-12);
-        assert!((mean.fps - 50.0).abs() < 1e-9, "seven frames in 0.14 s");
-        let text = table.to_string();
-        assert_eq!(
-            text.lines().last().unwrap().split_whitespace().collect::<Vec<_>>(),
-            ["mean", "7", "0.750", "0.714", "0.750", "1", "1", "1/1", "50"]
-        );
-        assert!(table.parameters.is_empty());
+        assert!((mean.fps.unwrap() - 50.0).abs() < 1e-9, "seven frames in 0.14 s");
+        assert_eq!((mean.long_term.best.precision, mean.long_term.best.recall), (2.0 / 3.0, 0.75));
+        // Of five boxes given at 1, two are right.
+        assert_eq!(mean.calibration_error, Some(3.0 / 5.0));
+        assert_eq!(mean.curves.precision[20..], [0.75; 10].into_iter().chain([1.0; 21]).collect::<Vec<_>>());
+        assert!(table.parameters.is_empty() && table.spread.is_none() && !table.peer);
+
+        let done = [(&sequences[0], vec![&runs[0], &worse]), (&sequences[1], vec![&runs[1], &runs[1]])];
+        let table = Table::new("other", None, &done);
+        assert_eq!(table.mean.as_ref(), Some(mean), "the plain start's");
+        assert_eq!(table.spread.unwrap().precision.runs, [0.75, 0.5]);
+        assert_eq!(table.sequences[0].spread.as_ref().unwrap().precision.spread, 0.5);
+        assert_eq!(table.sequences[1].spread.as_ref().unwrap().precision.spread, 0.0);
     }
 }

@@ -1,4 +1,5 @@
-//! One-pass evaluation: each tracker set up once on the first frame of each sequence and followed to the end.
+//! One-pass evaluation: each tracker set up once on the first frame of each sequence and followed to the end. Several
+//! times, started a little differently each time, where the question is how much hangs on luck.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -7,13 +8,13 @@ use std::time::Duration;
 pub use rustix::time::ClockId as Clock;
 use rustix::time::clock_gettime;
 
+use super::answer::Answer;
 use super::dataset::Sequence;
 use crate::error::{NetworkError, StartError};
 use crate::geometry::Rect;
 use crate::params::Params;
 use crate::replay::{self, ReplayError};
 use crate::session::Session;
-use crate::tracker::{Output, State};
 
 /// Why a sequence could not be run to its end.
 #[derive(Debug, thiserror::Error)]
@@ -45,16 +46,38 @@ pub struct Setup {
 #[derive(Clone, Debug)]
 pub struct Run {
     /// One a frame, the first with the initial box.
-    pub outputs: Vec<Output>,
-    /// Processor time that the tracker took, without reading frames.
-    pub processor_time: Duration,
+    pub answers: Vec<Answer>,
+    /// Processor time that the tracker took, without reading frames; `None` where that is not known.
+    pub processor_time: Option<Duration>,
 }
 
-impl Run {
-    /// State and box on each frame; a target of which nothing is said is lost.
-    pub fn rows(&self) -> Vec<(State, Rect)> {
-        let row = |o: &Output| o.targets.first().map_or((State::Lost, Rect::default()), |t| (t.state, t.rect));
-        self.outputs.iter().map(row).collect()
+/// How a run begins.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Start {
+    /// Pixels in x and y from the true box to that which the tracker is given.
+    pub offset: [i8; 2],
+    /// What is added to the parameter `seed`.
+    pub seed: i64,
+}
+
+/// The directions of starts after the plain one.
+const DIRECTIONS: [[i8; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, -1], [1, -1], [-1, 1]];
+
+impl Start {
+    /// The plain start first; the others one pixel off, each in the next direction, with the next seed.
+    pub fn variants(count: usize) -> Vec<Self> {
+        let variant = |k: usize| Self { offset: DIRECTIONS[(k - 1) % DIRECTIONS.len()], seed: k as i64 };
+        std::iter::once(Self::default()).chain((1..count).map(variant)).collect()
+    }
+
+    fn rect(self, truth: Rect) -> Rect {
+        truth.shifted(f64::from(self.offset[0]), f64::from(self.offset[1]))
+    }
+
+    fn params(self, params: &Params) -> Params {
+        let mut params = params.clone();
+        params.general.seed = params.general.seed.wrapping_add(self.seed);
+        params
     }
 }
 
@@ -62,64 +85,92 @@ impl Run {
 pub fn run(
     setup: &Setup,
     sequence: &Sequence,
+    start: Start,
     limit: usize,
     clock: Clock,
     on_frame: impl Fn(),
 ) -> Result<Run, RunError> {
     let target = sequence.truth.first().copied().flatten().ok_or(RunError::NoTarget)?;
     let mut source = replay::open(&sequence.path, None)?;
-    let mut session = Session::new(setup.params.clone())?;
-    let mut run = Run { outputs: Vec::with_capacity(sequence.truth.len()), processor_time: Duration::ZERO };
-    while run.outputs.len() < limit.min(sequence.truth.len()) {
+    let mut session = Session::new(start.params(&setup.params))?;
+    let mut answers = Vec::with_capacity(sequence.truth.len());
+    let mut time = Duration::ZERO;
+    while answers.len() < limit.min(sequence.truth.len()) {
         let Some(buffer) = source.next_frame()? else { break };
         let frame = buffer.frame();
         let begun = now(clock);
-        if run.outputs.is_empty() {
-            session.start(&frame, target, &mut ())?;
+        if answers.is_empty() {
+            session.start(&frame, start.rect(target), &mut ())?;
         } else {
             session.step(&frame, &mut ());
         }
-        run.processor_time += now(clock).saturating_sub(begun);
-        run.outputs.push(session.output().clone());
+        time += now(clock).saturating_sub(begun);
+        answers.push(Answer::of(session.output()));
         on_frame();
     }
-    Ok(run)
+    Ok(Run { answers, processor_time: Some(time) })
 }
 
-/// Runs every set over every sequence on so many threads. The results stand by set, and within it by sequence, in
-/// the order given. On a single thread, the processor time is that of the whole process; on several it is that of each
-/// thread alone, so that what a network computes in threads of its own is not in it.
+/// The runs of one set of parameters: by start, and within it by sequence.
+pub type Runs = Vec<Vec<Result<Run, RunError>>>;
+
+/// Runs every set over every sequence from every start on so many threads. The results stand by set, start and
+/// sequence, in the order given. On a single thread, the processor time is that of the whole process; on several it is
+/// that of each thread alone, so that what a network computes in threads of its own is not in it.
 pub fn run_all(
     setups: &[Setup],
     sequences: &[Sequence],
+    starts: &[Start],
     limit: usize,
     threads: usize,
     on_frame: impl Fn() + Sync,
-) -> Vec<Vec<Result<Run, RunError>>> {
-    let mut jobs: Vec<(usize, usize)> =
-        (0..sequences.len()).flat_map(|q| (0..setups.len()).map(move |s| (s, q))).collect();
+) -> Vec<Runs> {
+    let runs = (0..setups.len()).flat_map(|s| (0..starts.len()).map(move |k| (s, k)));
+    let mut jobs: Vec<_> = runs.flat_map(|(s, k)| (0..sequences.len()).map(move |q| (s, k, q))).collect();
     // The longest first, so that none is left over for a single thread at the end.
-    jobs.sort_by_key(|&(_, q)| std::cmp::Reverse(sequences[q].truth.len()));
+    jobs.sort_by_key(|&(.., q)| std::cmp::Reverse(sequences[q].truth.len()));
     let clock = if threads > 1 { Clock::ThreadCPUTime } else { Clock::ProcessCPUTime };
     let next = AtomicUsize::new(0);
     let done = Mutex::new(Vec::with_capacity(jobs.len()));
     std::thread::scope(|scope| {
         for _ in 0..threads.min(jobs.len()) {
             scope.spawn(|| {
-                while let Some(&(s, q)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let result = run(&setups[s], &sequences[q], limit, clock, &on_frame);
-                    done.lock().unwrap_or_else(|e| e.into_inner()).push((s, q, result));
+                while let Some(&(s, k, q)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let result = run(&setups[s], &sequences[q], starts[k], limit, clock, &on_frame);
+                    done.lock().unwrap_or_else(|e| e.into_inner()).push(((s, k, q), result));
                 }
             });
         }
     });
     let mut done = done.into_inner().unwrap_or_else(|e| e.into_inner());
-    done.sort_by_key(|&(s, q, _)| (s, q));
-    let mut done = done.into_iter().map(|(_, _, result)| result);
-    setups.iter().map(|_| done.by_ref().take(sequences.len()).collect()).collect()
+    done.sort_by_key(|&(job, _)| job);
+    let mut done = done.into_iter().map(|(_, result)| result);
+    let mut runs = || starts.iter().map(|_| done.by_ref().take(sequences.len()).collect()).collect();
+    setups.iter().map(|_| runs()).collect()
 }
 
 /// What the clock shows.
 fn now(clock: Clock) -> Duration {
     Duration::try_from(clock_gettime(clock)).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_start_is_plain_and_the_others_differ_from_it_and_each_other() {
+        let starts = Start::variants(17);
+        assert_eq!(starts[0], Start { offset: [0, 0], seed: 0 });
+        for (i, a) in starts.iter().enumerate().skip(1) {
+            assert!(a.offset.iter().any(|v| v.abs() == 1) && a.offset.iter().all(|v| v.abs() <= 1));
+            assert!(starts[..i].iter().all(|b| a.seed != b.seed && (i > 8 || a.offset != b.offset)));
+        }
+        assert_eq!(Start::variants(1), [Start::default()]);
+        let rect = starts[2].rect(Rect::new(10.0, 20.0, 3.0, 4.0));
+        assert_eq!(rect, Rect::new(9.0, 20.0, 3.0, 4.0));
+        let params = Params::default();
+        assert_eq!(starts[0].params(&params), params);
+        assert_eq!(starts[2].params(&params).general.seed, params.general.seed + 2);
+    }
 }
