@@ -297,8 +297,9 @@ fn other_trackers_are_scored_beside_ours_and_our_own_boxes_read_back() {
     let dir = dataset();
     let (boxes, other) = (dir.path().join("boxes"), dir.path().join("other"));
     let walk = ["--sequences", "walk"];
-    let own = dir.path().join("own.json");
-    let args = ["--boxes", boxes.to_str().unwrap(), "--json", own.to_str().unwrap()];
+    let page = dir.path().join("page");
+    let own = page.join("results.json");
+    let args = ["--boxes", boxes.to_str().unwrap(), "--report", page.to_str().unwrap()];
     assert_eq!(evaluate(dir.path(), &[&walk[..], &args].concat()).status.code(), Some(0));
 
     // Follows the target for five frames and then says that it is lost.
@@ -312,6 +313,8 @@ fn other_trackers_are_scored_beside_ours_and_our_own_boxes_read_back() {
     let args = ["--peers-only", "--peer", &a, "--peer", &b, "--json", both.to_str().unwrap()];
     let output = evaluate(dir.path(), &args);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let html = std::fs::read_to_string(page.join("index.html")).unwrap();
+    assert!(html.contains("<h1>lcmht on 1 sequence</h1>") && html.contains("data:image/jpeg;base64,"));
     let (own, both) = (json(&own), json(&both));
     let [ours, others] = &both["setups"].as_array().unwrap()[..] else { panic!("{both}") };
     for figure in ["precision", "auc", "held", "long_term", "absences", "calibration", "curves"] {

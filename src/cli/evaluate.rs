@@ -8,10 +8,12 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 
 use super::{Error, params, progress, rows};
+use crate::eval::attributes;
 use crate::eval::dataset::{self, Sequence};
+use crate::eval::page;
 use crate::eval::peers::{Peer, TIMES_FILE};
-use crate::eval::report::{Report, Table};
-use crate::eval::run::{Run, Setup, Start, run_all};
+use crate::eval::report::{Hard, Report, Table};
+use crate::eval::run::{Run, Runs, Setup, Start, run_all};
 use crate::params::{Assignment, Value, assignment};
 
 /// Score trackers on sequences with ground truth: one pass, no resets, by the rules of the object tracking
@@ -64,6 +66,10 @@ pub struct Args {
     /// Writes the figures as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Writes DIR/index.html, a page with diagrams, tables by sequence and by what makes them hard, and pictures of the
+    /// worst moments of the first table; and the figures as DIR/results.json.
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
     /// Writes the boxes as DIR/SEQUENCE.csv, or DIR/SETUP/SEQUENCE.csv where there are several parameter files: the
     /// columns of track and the overlap with the true box; and a times.csv, so that --peer reads them again.
     #[arg(long, value_name = "DIR")]
@@ -81,6 +87,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<(), Error> {
     let peers = args.peers.iter().map(|peer| peer.load(&sequences, limit)).collect::<Result<Vec<_>, _>>()?;
     let json = args.json.as_deref().map(create).transpose()?;
     let folders = folders(args, &setups)?;
+    args.report.as_deref().map(create_folder).transpose()?;
 
     let starts = Start::variants(args.starts.get());
     let threads = args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
@@ -89,32 +96,25 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<(), Error> {
     let results = run_all(&setups, &sequences, &starts, limit, threads, || bar.inc(1));
     bar.finish_and_clear();
 
-    let mut failed = 0;
-    let mut tables = Vec::new();
-    for ((setup, folder), results) in setups.iter().zip(&folders).zip(&results) {
-        let mut done = Vec::new();
-        for (i, sequence) in sequences.iter().enumerate() {
-            // What keeps one start from its end keeps them all.
-            match results.iter().map(|run| run[i].as_ref()).collect::<Result<Vec<_>, _>>() {
-                Ok(runs) => done.push((sequence, runs)),
-                Err(error) => {
-                    failed += 1;
-                    eprintln!("error: {}, {}: {error}", setup.name, sequence.name);
-                }
-            }
-        }
-        if let Some(folder) = folder {
-            write_boxes(folder, &done)?;
-        }
-        tables.push(Table::new(&setup.name, Some(&setup.params), &done));
+    let ours: Vec<Done> = setups.iter().zip(&results).map(|(setup, runs)| finished(setup, &sequences, runs)).collect();
+    let done: usize = ours.iter().map(Vec::len).sum();
+    for (folder, done) in folders.iter().zip(&ours).filter_map(|(folder, done)| Some((folder.as_ref()?, done))) {
+        write_boxes(folder, done)?;
     }
-    for (peer, runs) in args.peers.iter().zip(&peers) {
-        let done = sequences.iter().zip(runs).filter_map(|(s, run)| Some((s, vec![run.as_ref()?])));
-        tables.push(Table::new(&peer.name, None, &done.collect::<Vec<_>>()));
-    }
-    let report = Report { dataset: args.dataset.display().to_string(), starts: starts.len(), setups: tables };
+    let theirs: Vec<Done> = peers.iter().map(|runs| given(&sequences, runs)).collect();
+    let hard = if args.report.is_some() { hard(&sequences, limit)? } else { Vec::new() };
+    let tables = setups.iter().zip(&ours).map(|(s, done)| Table::new(&s.name, Some(&s.params), done, &hard));
+    let peers = args.peers.iter().zip(&theirs).map(|(peer, done)| Table::new(&peer.name, None, done, &hard));
+    let setups = tables.chain(peers).collect();
+    let dataset = args.dataset.display().to_string();
+    let report = Report { dataset, starts: starts.len(), attributes: hard, setups };
+
     if let (Some(file), Some(path)) = (json, &args.json) {
         write_json(file, &report).map_err(|why| Error::Write { to: path.display().to_string(), why })?;
+    }
+    if let Some(folder) = &args.report {
+        let first = ours.first().or(theirs.first()).into_iter().flatten();
+        page::write(folder, &report, &first.map(|(sequence, runs)| (*sequence, runs[0])).collect::<Vec<_>>())?;
     }
     match write!(out, "{report}").and_then(|()| out.flush()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
@@ -122,8 +122,37 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<(), Error> {
         }
         _ => {}
     }
-    let runs = sequences.len() * setups.len();
-    if failed > 0 { Err(Error::Sequences { failed, runs }) } else { Ok(()) }
+    match sequences.len() * report.setups.iter().filter(|t| !t.peer).count() {
+        runs if runs > done => Err(Error::Sequences { failed: runs - done, runs }),
+        _ => Ok(()),
+    }
+}
+
+/// The sequences that a setup was run over to their ends, each with its runs by start.
+type Done<'a> = Vec<(&'a Sequence, Vec<&'a Run>)>;
+
+/// Those of one of our setups; what kept it from the end of the others is told.
+fn finished<'a>(setup: &Setup, sequences: &'a [Sequence], runs: &'a Runs) -> Done<'a> {
+    let mut done = Vec::new();
+    for (i, sequence) in sequences.iter().enumerate() {
+        // What keeps one start from its end keeps them all.
+        match runs.iter().map(|run| run[i].as_ref()).collect::<Result<Vec<_>, _>>() {
+            Ok(runs) => done.push((sequence, runs)),
+            Err(error) => eprintln!("error: {}, {}: {error}", setup.name, sequence.name),
+        }
+    }
+    done
+}
+
+/// Those of which there are boxes of another tracker.
+fn given<'a>(sequences: &'a [Sequence], runs: &'a [Option<Run>]) -> Done<'a> {
+    sequences.iter().zip(runs).filter_map(|(sequence, run)| Some((sequence, vec![run.as_ref()?]))).collect()
+}
+
+/// What makes the sequences hard.
+fn hard(sequences: &[Sequence], limit: usize) -> Result<Vec<Hard>, Error> {
+    let of = |sequence| Ok((sequence, attributes::of(sequence, limit).map_err(Error::Read)?));
+    Ok(Hard::sort(&sequences.iter().map(of).collect::<Result<Vec<_>, Error>>()?))
 }
 
 /// Every algorithm with every file.
@@ -158,12 +187,14 @@ fn folders(args: &Args, setups: &[Setup]) -> Result<Vec<Option<PathBuf>>, Error>
     let folder = |setup: &Setup| {
         let Some(root) = &args.boxes else { return Ok(None) };
         let path = if setups.len() > 1 { root.join(&setup.name) } else { root.clone() };
-        match std::fs::create_dir_all(&path) {
-            Ok(()) => Ok(Some(path)),
-            Err(source) => Err(Error::Create { path, source }),
-        }
+        create_folder(&path)?;
+        Ok(Some(path))
     };
     setups.iter().map(folder).collect()
+}
+
+fn create_folder(path: &Path) -> Result<(), Error> {
+    std::fs::create_dir_all(path).map_err(|source| Error::Create { path: path.to_owned(), source })
 }
 
 fn create(path: &Path) -> Result<File, Error> {

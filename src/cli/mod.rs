@@ -13,6 +13,7 @@ use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 
 use crate::error::{NetworkError, ParamsError, StartError};
 use crate::eval::dataset::DatasetError;
+use crate::eval::page::PageError;
 use crate::eval::peers::PeerError;
 use crate::params::{Assignment, NodeName, Params, Phase, Value, file};
 use crate::record::RecordError;
@@ -48,6 +49,9 @@ pub enum Error {
     /// The boxes of another tracker cannot be used.
     #[error(transparent)]
     Peer(#[from] PeerError),
+    /// The report cannot be made.
+    #[error(transparent)]
+    Page(#[from] PageError),
     /// Nothing is left to score.
     #[error("nothing to score: --peers-only, but no --peer NAME=DIR")]
     NoSetup,
@@ -75,7 +79,7 @@ impl Error {
     /// 2 for arguments that cannot be used, known before the first frame is tracked; 1 for what fails later.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Read(_) | Self::Write { .. } | Self::Sequences { .. } => 1,
+            Self::Read(_) | Self::Write { .. } | Self::Page(_) | Self::Sequences { .. } => 1,
             _ => 2,
         }
     }

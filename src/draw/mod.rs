@@ -86,6 +86,30 @@ pub fn response(frame: &Frame, scene: &Scene, max_side: u32) -> RgbImage {
     image
 }
 
+/// What `window`, in pixels of the frame, shows, as a picture of `size` (width, height): with the true box, if there is
+/// one, in dashes of white on dark, and the tracker's box in the colour of its state.
+pub fn moment(
+    frame: &Frame,
+    window: &Rect,
+    size: [u32; 2],
+    truth: Option<Rect>,
+    rect: &Rect,
+    state: State,
+) -> RgbImage {
+    let mut patch = Patch::default();
+    Cropper::default().crop(frame, window, size[0] as usize, size[1] as usize, &mut patch);
+    let mut image = RgbImage::from_fn(size[0], size[1], |x, y| Rgb(patch.rgb(x as usize, y as usize)));
+    let (across, down) = (f64::from(size[0]) / window.w, f64::from(size[1]) / window.h);
+    let place = |r: &Rect| Rect::new((r.x - window.x) * across, (r.y - window.y) * down, r.w * across, r.h * down);
+    let pen = Pen::for_image(&image);
+    if let Some(truth) = truth {
+        pen.outline(&mut image, &place(&truth), pen::DARK);
+        pen.dashed(&mut image, &place(&truth), PREDICTION);
+    }
+    pen.outline(&mut image, &place(rect), colour(state));
+    image
+}
+
 fn highest(map: &ResponseMap) -> f32 {
     map.values.iter().copied().fold(0.0, f32::max)
 }
@@ -313,6 +337,19 @@ mod tests {
         let map = response(&frame(&data), &scene, 100);
         let green = |x, y| map.get_pixel(x, y)[1];
         assert!(green(65, 37) > green(45, 25) && green(5, 55) == 40, "{} {}", green(65, 37), green(45, 25));
+    }
+
+    #[test]
+    fn a_moment_shows_both_boxes_in_their_places() {
+        let data = grey();
+        let (truth, rect) = (Rect::new(60.0, 40.0, 20.0, 20.0), Rect::new(80.0, 50.0, 30.0, 20.0));
+        let window = Rect::new(50.0, 30.0, 80.0, 60.0);
+        let of = |truth| moment(&frame(&data), &window, [160, 120], truth, &rect, State::Lost);
+        let image = of(Some(truth));
+        assert_eq!(extent(&image, LOST).unwrap(), Rect::new(59.0, 39.0, 62.0, 42.0), "twice as large");
+        assert!(extent(&image, PREDICTION).unwrap().iou(&Rect::new(20.0, 20.0, 40.0, 40.0)) > 0.8);
+        assert_eq!(*image.get_pixel(5, 5), Rgb([100; 3]));
+        assert_eq!(extent(&of(None), PREDICTION), None);
     }
 
     #[test]

@@ -4,19 +4,23 @@
 //! dataset   sequences: true boxes, and how much of each is hidden
 //!   -> run | peers     an answer a frame: by a tracker that is run here, or read from another one's file
 //!   -> otb, long_term, absences, losses, calibration       one figure each
-//!   -> figures         all of one sequence, and of several
+//!   -> figures         all of one sequence, and of several; attributes say which sequences are hard in what
 //!   -> report, spread  all of one setup; the same started several times
 //!   -> text            for the terminal; JSON comes by serde
+//!   -> page            for a browser: diagrams, tables, and the worst moments in pictures
 //! ```
 
 pub mod absences;
 pub mod answer;
+pub mod attributes;
 pub mod calibration;
 pub mod dataset;
 pub mod figures;
 pub mod long_term;
 pub mod losses;
+pub mod moments;
 pub mod otb;
+pub mod page;
 pub mod peers;
 pub mod report;
 pub mod run;

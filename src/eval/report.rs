@@ -5,8 +5,10 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::attributes::Attribute;
 use super::dataset::Sequence;
 use super::figures::{Figures, Scored, mean};
+use super::long_term::LongTerm;
 use super::run::Run;
 use super::spread::Spreads;
 use crate::params::{Params, descriptors};
@@ -18,8 +20,33 @@ pub struct Report {
     pub dataset: String,
     /// How often each sequence was run by a tracker of ours.
     pub starts: usize,
+    /// What makes sequences hard, where that was looked at: for each attribute those that have it.
+    pub attributes: Vec<Hard>,
     /// One a set of parameters, then one another tracker.
     pub setups: Vec<Table>,
+}
+
+/// The sequences that are hard in one way.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Hard {
+    /// In what.
+    pub attribute: Attribute,
+    /// By which rule.
+    pub rule: String,
+    /// Their names.
+    pub sequences: Vec<String>,
+}
+
+impl Hard {
+    /// Sorts sequences, each with its attributes, by these; one that no sequence has is left out.
+    pub fn sort(all: &[(&Sequence, Vec<Attribute>)]) -> Vec<Self> {
+        let hard = |attribute: Attribute| {
+            let with = all.iter().filter(|(_, has)| has.contains(&attribute));
+            let sequences: Vec<String> = with.map(|(s, _)| s.name.clone()).collect();
+            (!sequences.is_empty()).then(|| Self { attribute, rule: attribute.rule(), sequences })
+        };
+        Attribute::ALL.into_iter().filter_map(hard).collect()
+    }
 }
 
 /// The figures of one tracker: one of ours with its parameters, or another's.
@@ -35,8 +62,36 @@ pub struct Table {
     pub mean: Option<Figures>,
     /// Of the means from each start, where there are several.
     pub spread: Option<Spreads>,
+    /// Over the sequences of each attribute.
+    pub attributes: Vec<Part>,
     /// One a sequence that was run to its end, by name.
     pub sequences: Vec<Row>,
+}
+
+/// The figures over some of the sequences, means.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Part {
+    /// What they have in common.
+    pub attribute: Attribute,
+    /// How many of them were run.
+    pub sequences: usize,
+    /// As in [`Figures`].
+    pub precision: f64,
+    /// As in [`Figures`].
+    pub auc: f64,
+    /// As in [`Figures`].
+    pub held: f64,
+    /// As in [`Figures`].
+    pub long_term: LongTerm,
+}
+
+impl Part {
+    fn new(hard: &Hard, scored: &[(String, Vec<Scored>)]) -> Option<Self> {
+        let among = scored.iter().filter(|(name, _)| hard.sequences.contains(name));
+        let among: Vec<&Scored> = among.map(|(_, runs)| &runs[0]).collect();
+        let Figures { precision, auc, held, long_term, .. } = mean(&among)?;
+        Some(Self { attribute: hard.attribute, sequences: among.len(), precision, auc, held, long_term })
+    }
 }
 
 /// The figures of one sequence.
@@ -53,7 +108,7 @@ pub struct Row {
 
 impl Table {
     /// The table of a setup from the sequences that were run to their ends, each with its runs by start.
-    pub fn new(name: &str, params: Option<&Params>, done: &[(&Sequence, Vec<&Run>)]) -> Self {
+    pub fn new(name: &str, params: Option<&Params>, done: &[(&Sequence, Vec<&Run>)], hard: &[Hard]) -> Self {
         let scored = |(sequence, runs): &(&Sequence, Vec<&Run>)| {
             let scored: Option<Vec<_>> = runs.iter().map(|run| Scored::new(run, sequence)).collect();
             Some((sequence.name.clone(), scored.filter(|s| !s.is_empty())?))
@@ -73,6 +128,7 @@ impl Table {
             parameters: params.map(changed).unwrap_or_default(),
             spread: Spreads::new(&means.iter().collect::<Vec<_>>()),
             mean: means.into_iter().next(),
+            attributes: hard.iter().filter_map(|hard| Part::new(hard, &scored)).collect(),
             sequences: scored.iter().map(row).collect(),
         }
     }
@@ -122,7 +178,7 @@ mod tests {
         ];
         let worse = run(&[(0.0, Tracking, false), (30.0, Tracking, false), (30.0, Tracking, false)], 30);
         let done: Vec<_> = sequences.iter().zip(&runs).map(|(s, r)| (s, vec![r])).collect();
-        let table = Table::new("lcmht", Some(&Params::default()), &done);
+        let table = Table::new("lcmht", Some(&Params::default()), &done, &[]);
         let (a, b) = (&table.sequences[0].figures, &table.sequences[1].figures);
         assert_eq!((a.frames, a.precision, a.held, a.losses), (3, 1.0, 1.0, 0));
         assert_eq!((b.frames, b.precision, b.held, b.reacquired), (4, 0.5, 0.5, 1));
@@ -141,7 +197,10 @@ mod tests {
         assert!(table.parameters.is_empty() && table.spread.is_none() && !table.peer);
 
         let done = [(&sequences[0], vec![&runs[0], &worse]), (&sequences[1], vec![&runs[1], &runs[1]])];
-        let table = Table::new("other", None, &done);
+        let hard = Hard::sort(&[(&sequences[0], vec![Attribute::OutOfView]), (&sequences[1], vec![])]);
+        assert_eq!(hard.len(), 1);
+        let table = Table::new("other", None, &done, &hard);
+        assert_eq!((table.attributes[0].sequences, table.attributes[0].precision), (1, 1.0));
         assert_eq!(table.mean.as_ref(), Some(mean), "the plain start's");
         assert_eq!(table.spread.unwrap().precision.runs, [0.75, 0.5]);
         assert_eq!(table.sequences[0].spread.as_ref().unwrap().precision.spread, 0.5);

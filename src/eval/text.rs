@@ -160,6 +160,7 @@ mod tests {
             parameters: Default::default(),
             mean: Some(mean),
             spread: None,
+            attributes: Vec::new(),
             sequences: vec![row],
         }
     }
@@ -204,7 +205,7 @@ long-term: precision 0.000, recall 0.000, F 0.625
     #[test]
     fn several_setups_are_compared_at_the_end() {
         let setups = vec![table("lcmht", figures()), table("CSRT", Figures { fps: Some(40.0), ..figures() })];
-        let text = Report { dataset: String::new(), starts: 1, setups }.to_string();
+        let text = Report { dataset: String::new(), starts: 1, attributes: Vec::new(), setups }.to_string();
         let expected = "
       sequences   prec    AUC   held      F  calib    fps
 lcmht         1  0.750  0.500  1.000  0.625      -      -

@@ -50,6 +50,10 @@ impl FrameSource for Folder {
         decoded(&path, &self.bytes).map(Some)
     }
 
+    fn skip_frame(&mut self) -> Result<bool, ReplayError> {
+        Ok(self.images.next().is_some())
+    }
+
     fn origin(&self) -> Origin<'_> {
         Origin::File(&self.bytes)
     }
@@ -158,6 +162,17 @@ mod tests {
         assert_eq!(encoding(deep.into()), (Encoding::Rgb8, [1, 2, 3]));
         let deep: ImageBuffer<Luma<u16>, _> = ImageBuffer::from_pixel(3, 2, Luma([257]));
         assert_eq!(encoding(deep.into()), (Encoding::Mono16, [1; 3]));
+    }
+
+    #[test]
+    fn frames_can_be_passed_over_unseen() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("1.png"), "no image").unwrap();
+        gradient().save(dir.path().join("2.png")).unwrap();
+        let mut source = Folder::open(dir.path()).unwrap();
+        assert!(source.skip_frame().unwrap());
+        assert_eq!(source.next_frame().unwrap(), Some(read(&dir.path().join("2.png")).unwrap()));
+        assert!(!source.skip_frame().unwrap());
     }
 
     #[test]

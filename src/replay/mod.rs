@@ -48,6 +48,11 @@ pub trait FrameSource: Send {
     /// The next frame, `None` after the last. After an error the source stands behind what it could not read.
     fn next_frame(&mut self) -> Result<Option<FrameBuffer>, ReplayError>;
 
+    /// Passes over the next frame, which need not be looked at; `false` after the last.
+    fn skip_frame(&mut self) -> Result<bool, ReplayError> {
+        Ok(self.next_frame()?.is_some())
+    }
+
     /// What the last frame was read from, so that it can be passed on as it was.
     fn origin(&self) -> Origin<'_>;
 
