@@ -30,7 +30,8 @@
 //! | [`params`] | the one table of parameters, and files of them |
 //! | [`messages`], [`decode`] | ROS messages as data; JPEG and PNG |
 //! | [`replay`], [`record`] | frames from folders and bags; the bag that a run leaves |
-//! | [`eval`], [`cli`], [`draw`] | scores; the offline commands; debug pictures |
+//! | [`eval`] | scores of this tracker and others, and the page that shows them |
+//! | [`cli`], [`draw`] | the offline commands; debug pictures |
 //! | `ros` | the node (cargo feature `ros`, on by default) |
 //!
 //! Start reading at [`tracker::lcmht`], or at [`session`] for how it is driven.

@@ -1,4 +1,4 @@
-//! OpenCV's trackers, run by `benches/peers/opencv.py`, and their boxes scored by `evaluate --peer`.
+//! OpenCV's trackers and this one, run and compared by `benches/peers/compare.py`.
 
 #[path = "support/venv.rs"]
 mod venv;
@@ -53,37 +53,37 @@ fn write_sequence(folder: &Path) {
 }
 
 #[test]
-fn boxes_and_times_of_other_trackers_are_scored() {
+fn other_trackers_are_compared_with_this_one_by_one_command() {
     let python = venv::python("peers", "benches/peers/requirements.txt");
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/opencv.py");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/compare.py");
     let dir = tempfile::tempdir().unwrap();
     write_sequence(&dir.path().join("walk"));
-    let output = dir.path().join("boxes");
-    let mut opencv = Command::new(python);
-    opencv.arg("-B").arg(script).args([dir.path(), &output]).args(["--trackers", "CSRT,MOSSE"]);
-    let first = venv::run(&mut opencv);
-    assert_eq!(first.lines().count(), 2, "{first}");
-    assert_eq!(venv::run(&mut opencv), "", "what is there is kept");
+    let output = dir.path().join("peers");
+    let mut compare = Command::new(python);
+    compare.arg("-B").arg(script).arg(dir.path()).arg("--output").arg(&output).args(["--trackers", "CSRT,MOSSE"]);
+    compare.args(["--evaluate", env!("CARGO_BIN_EXE_evaluate"), "--", "--starts", "2"]);
+    // `CSRT walk 12 frames ...`
+    let runs = |told: &str| told.lines().filter(|l| l.split_whitespace().nth(1) == Some("walk")).count();
+    let table = venv::run(&mut compare);
+    assert_eq!(runs(&table), 2, "{table}");
+    assert_eq!(runs(&venv::run(&mut compare)), 0, "what is there is kept");
 
-    let json = dir.path().join("figures.json");
-    let mut evaluate = Command::new(env!("CARGO_BIN_EXE_evaluate"));
-    evaluate.arg(dir.path()).arg("--peers-only").arg("--json").arg(&json);
-    for name in ["CSRT", "MOSSE"] {
-        evaluate.arg("--peer").arg(format!("{name}={}", output.join(name).display()));
-    }
-    let table = venv::run(&mut evaluate);
-    let report: serde_json::Value = serde_json::from_str(&fs::read_to_string(json).unwrap()).unwrap();
-    for setup in report["setups"].as_array().unwrap() {
+    let report = fs::read_to_string(output.join("report/results.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    let setups = report["setups"].as_array().unwrap();
+    let names: Vec<_> = setups.iter().map(|s| s["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["lcmht-default", "lcmht-fast", "CSRT", "MOSSE"], "{table}");
+    for setup in setups {
         let mean = &setup["mean"];
         assert_eq!(mean["frames"], FRAMES, "{table}");
         assert!(mean["fps"].as_f64().unwrap() > 0.0, "{table}");
-        assert!(mean["long_term"]["threshold"].is_null(), "{table}");
+        assert_eq!(setup["spread"].is_null(), setup["peer"].as_bool().unwrap(), "{table}");
     }
-    let csrt = &report["setups"][0]["mean"];
-    assert!(csrt["precision"].as_f64().unwrap() > 0.99, "the links must lead to the right images\n{table}");
-    let mosse = &report["setups"][1]["mean"];
-    assert!(
-        mosse["absences"]["right"].as_u64().unwrap() > 0,
-        "it says that it has lost a target that is gone\n{table}"
-    );
+    let [_, fast, csrt, mosse] = &setups[..] else { panic!("{table}") };
+    for setup in [fast, csrt] {
+        let precision = setup["mean"]["precision"].as_f64().unwrap();
+        assert!(precision > 0.99, "the links must lead to the right images\n{table}");
+    }
+    let right = mosse["mean"]["absences"]["right"].as_u64().unwrap();
+    assert!(right > 0, "it says that it has lost a target that is gone\n{table}");
 }

@@ -3,11 +3,11 @@
 
     pip install -r benches/peers/requirements.txt
     python3 benches/peers/compare.py DATASET [--output target/peers] [--trackers CSRT,KCF] [--sequences A,B]
-        [--limit FRAMES] [--again] [--peer NAME=DIR]... [-- ARGUMENTS OF evaluate]
+        [--limit FRAMES] [--again] [--peer NAME=DIR]... [--evaluate PROGRAM] [-- ARGUMENTS OF evaluate]
 
 Boxes and times of the trackers go to OUTPUT/TRACKER (see opencv.py; what is there already is kept, unless --again is
 given), the page and its figures to OUTPUT/report. --peer adds boxes of further trackers. This tracker is run with
-params/default.yaml and params/fast.yaml.
+params/default.yaml and params/fast.yaml, by cargo unless --evaluate names the program.
 """
 
 import argparse
@@ -23,8 +23,9 @@ PRESETS = ["default", "fast"]
 
 def evaluate(options):
     """The command that scores everything."""
-    command = ["cargo", "run", "--release", "--quiet", "--manifest-path", REPOSITORY / "Cargo.toml"]
-    command += ["--bin", "evaluate", "--", options.dataset, "--threads", "1", "--report", options.output / "report"]
+    cargo = ["cargo", "run", "--release", "--quiet", "--manifest-path", REPOSITORY / "Cargo.toml"]
+    command = [options.evaluate] if options.evaluate else [*cargo, "--bin", "evaluate", "--"]
+    command += [options.dataset, "--threads", "1", "--report", options.output / "report"]
     for preset in PRESETS:
         command += ["--params", REPOSITORY / "params" / f"{preset}.yaml"]
     for tracker in options.trackers:
@@ -35,7 +36,7 @@ def evaluate(options):
         command += ["--sequences", ",".join(options.sequences)]
     if options.limit < sys.maxsize:
         command += ["--frames", str(options.limit)]
-    return command + options.arguments
+    return command
 
 
 def main():
@@ -43,11 +44,12 @@ def main():
     parser.add_argument("dataset", type=pathlib.Path, help="the folder of sequences")
     parser.add_argument("--output", type=pathlib.Path, default=REPOSITORY / "target" / "peers", help="where all goes")
     parser.add_argument("--peer", action="append", default=[], metavar="NAME=DIR", help="boxes of another tracker")
+    parser.add_argument("--evaluate", metavar="PROGRAM", help="the program, where it is built already")
     opencv.arguments(parser)
-    parser.add_argument("arguments", nargs="*", help="of evaluate, after --")
-    options = parser.parse_args()
+    at = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
+    options = parser.parse_args(sys.argv[1:at])
     opencv.run_all(options)
-    sys.exit(subprocess.run(evaluate(options), check=False).returncode)
+    sys.exit(subprocess.run(evaluate(options) + sys.argv[at + 1 :], check=False).returncode)
 
 
 if __name__ == "__main__":

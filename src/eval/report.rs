@@ -1,5 +1,25 @@
-//! The figures of an evaluation: a table a setup, a row a sequence. It serialises to the JSON that programs read, whose
-//! names are those of the fields here and in [`figures`](super::figures); [`text`](super::text) prints it for people.
+//! The figures of an evaluation: a table a setup, a row a sequence. It serialises to the JSON that programs read;
+//! [`text`](super::text) prints it for people.
+//!
+//! The names in the JSON are those of the fields here and in [`figures`](super::figures), and stay as they are:
+//!
+//! ```text
+//! dataset, starts
+//! attributes[]     attribute, rule, sequences[]
+//! setups[]         name, peer, parameters{}
+//!   mean           frames, precision, auc, held, lost_frames, reacquired, losses, recovered, seconds, fps
+//!     long_term    precision, recall, f, threshold, all{precision, recall, f}
+//!     absences     absent_frames, right, wrong, astray, count, due, in_time, returns,
+//!                  noticed{count, frames}, regained{count, frames}
+//!     calibration  bins[10]{boxes, right, confidence}
+//!     calibration_error
+//!     curves       precision[51], success[21]
+//!   spread         precision, auc, held, each {runs[], mean, spread}
+//!   attributes[]   attribute, sequences, precision, auc, held, long_term{}
+//!   sequences[]    name, spread, and all that mean has
+//! ```
+//!
+//! What is not known is null.
 
 use std::collections::BTreeMap;
 

@@ -74,6 +74,8 @@ struct Compared<'a> {
     name: &'a str,
     /// What stands beside the name.
     note: String,
+    /// The number of the card that the name leads to.
+    card: Option<usize>,
     /// One a setup; `None` where it was not run.
     cells: Vec<Option<Cell>>,
     /// The best of each figure.
@@ -85,7 +87,7 @@ impl<'a> Compared<'a> {
         let best = |of: fn(&Cell) -> f64| cells.iter().flatten().map(of).fold(0.0, f64::max);
         let best =
             Cell { precision: best(|c| c.precision), auc: best(|c| c.auc), held: best(|c| c.held), f: best(|c| c.f) };
-        Self { name, note, best: (cells.len() > 1).then_some(best), cells }
+        Self { name, note, card: None, best: (cells.len() > 1).then_some(best), cells }
     }
 }
 
@@ -130,6 +132,11 @@ struct Page<'a> {
 /// The text of the page.
 fn render(report: &Report, runs: &[(&Sequence, &Run)]) -> Result<String, PageError> {
     let cards = runs.iter().map(|(sequence, run)| card(report, sequence, run)).collect::<Result<Vec<_>, _>>()?;
+    let cards: Vec<Card> = cards.into_iter().flatten().collect();
+    let mut sequences = by_sequence(report);
+    for sequence in &mut sequences {
+        sequence.card = cards.iter().position(|card| card.row.name == sequence.name).map(|at| at + 1);
+    }
     let page = Page {
         report,
         style: STYLE,
@@ -139,8 +146,8 @@ fn render(report: &Report, runs: &[(&Sequence, &Run)]) -> Result<String, PageErr
         precision: charts::precision(report)?,
         calibration: charts::calibration(report)?,
         attributes: by_attribute(report),
-        sequences: by_sequence(report),
-        cards: cards.into_iter().flatten().collect(),
+        sequences,
+        cards,
         version: env!("CARGO_PKG_VERSION"),
     };
     let mut environment = Environment::new();
