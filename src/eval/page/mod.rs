@@ -1,7 +1,7 @@
 //! The report as one page for a browser, with nothing beside it: diagrams are SVG in the page, pictures are in its text,
 //! and there is no script. `results.json` beside it holds the figures.
 //!
-//! [`charts`] draws, [`filmstrip`] takes pictures; `report.html` is the template and `style.css` gives the looks, which
+//! `charts` draws, `filmstrip` takes pictures; `report.html` is the template and `style.css` gives the looks, which
 //! follow the reader's light or dark scheme.
 
 mod charts;
@@ -19,7 +19,7 @@ use super::dataset::Sequence;
 use super::long_term::LongTerm;
 use super::moments::worst;
 use super::otb::OVERLAP_THRESHOLDS;
-use super::report::{Report, Row, Table};
+use super::report::{Hard, Report, Row, Table};
 use super::run::Run;
 use crate::replay::ReplayError;
 
@@ -180,7 +180,7 @@ fn by_sequence(report: &Report) -> Vec<Compared<'_>> {
 
 fn by_attribute(report: &Report) -> Vec<Compared<'_>> {
     let cell = |precision, auc, held, long_term: &LongTerm| Cell { precision, auc, held, f: long_term.best.f };
-    let compared = |hard: &super::report::Hard| {
+    let compared = |hard: &Hard| {
         let part = |table: &Table| {
             let part = table.attributes.iter().find(|p| p.attribute == hard.attribute)?;
             Some(cell(part.precision, part.auc, part.held, &part.long_term))
@@ -223,7 +223,6 @@ mod tests {
     use super::*;
     use crate::eval::answer::Answer;
     use crate::eval::attributes::Attribute;
-    use crate::eval::report::Hard;
     use crate::geometry::Rect;
     use crate::params::Params;
     use crate::tracker::State;
