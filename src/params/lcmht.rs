@@ -214,7 +214,17 @@ group! {
         scan_extent: f64 = 6.0, in 1.5..=16.0, unit "target sizes"; "Side of the area that is scanned for a lost target."
         proposals: i64 = 5, in 1..=50; "Best places of a scan that go to the GM-PHD filter."
         least_margin: f64 = 0.0, in -100.0..=100.0; "Margin below which a lost target is not taken up again, whatever its response."
-        interval: i64 = 3, in 1..=1000; "Updates of the filter from one training of the detector to the next."
+        opinion: f64 = 0.5, in 0.0..=10.0; "Share of the response that each unit of a negative margin takes away in every frame; 0 asks the detector only for a lost target, as the paper."
+        interval: i64 = 1, in 1..=1000; "Updates of the filter from one training of the detector to the next."
+    }
+}
+
+group! {
+    /// What looks like the target and is not.
+    pub struct LcmhtNeighbours at "lcmht.neighbours." {
+        enabled: bool = true; "Follows what looks like the target as well, so that a peak which it explains is not taken for the target."
+        response: f64 = 0.3, in 0.05..=10.0; "Response above which a second peak is taken for a neighbour, in units of what the target usually gets."
+        width: f64 = 0.25, in 0.01..=2.0, unit "target sizes"; "Standard deviation of a neighbour's position from where it is expected."
     }
 }
 
@@ -231,6 +241,8 @@ groups! {
         scale: LcmhtScale,
         /// What is made of a response.
         confidence: LcmhtConfidence,
+        /// What looks like the target and is not.
+        neighbours: LcmhtNeighbours,
         /// The constant-velocity model.
         motion: LcmhtMotion,
         /// The GM-PHD filter.

@@ -13,12 +13,14 @@
 //! |---|---|
 //! | `lcmht/appearance.rs` | the layers and the correlation filter (eqs 1 to 9) |
 //! | `lcmht/motion.rs` | the motion model and the GM-PHD filter (eqs 17 to 24) |
+//! | `lcmht/neighbours.rs` | what looks like the target, so that it is not taken for it |
 //! | `lcmht/confidence.rs` | the states, from the response |
 //! | `detect/online.rs` | the support vector machine (eqs 10 to 16) |
 
 mod appearance;
 mod confidence;
 mod motion;
+mod neighbours;
 
 use std::sync::Arc;
 
@@ -36,9 +38,16 @@ use crate::trace::{Proposal, Stage, Trace};
 use appearance::{Answer, Appearance, reshapes};
 use confidence::Confidence;
 use motion::Motion;
+use neighbours::Neighbours;
 
 /// Area of the scale filter's crops, in square pixels.
 const SCALE_AREA: f64 = 512.0;
+/// Share of the usual response that a peak must have to be the target's where a neighbour needs a better one.
+const ALTERNATIVE: f64 = 0.25;
+/// Likelihood of a peak that the motion model has nothing to do with, where peaks are assigned.
+const LEAST_FIT: f64 = 0.1;
+/// Margin above which a peak is taken for a neighbour.
+const ALIKE: f64 = 0.0;
 
 /// The tracker.
 pub struct Lcmht {
@@ -59,6 +68,7 @@ struct Followed {
     appearance: Appearance,
     scale: ScaleFilter,
     motion: Motion,
+    neighbours: Neighbours,
     confidence: Confidence,
     detector: Detector,
     proposals: Vec<Proposal>,
@@ -150,6 +160,7 @@ impl Followed {
             appearance,
             scale,
             motion: Motion::new(&params.motion, &params.phd, &rect, frame.bounds().area()),
+            neighbours: Neighbours::new(&params.neighbours),
             confidence: Confidence::new(&params.confidence, response),
             detector,
             proposals: Vec::new(),
@@ -175,8 +186,11 @@ impl Followed {
         self.appearance.show(trace);
 
         trace.stage(Stage::Localise);
-        let mut answer = self.appearance.best(|place| self.motion.prior(expected, place));
-        self.confidence.assess(answer.response);
+        self.neighbours.predict(dt);
+        let mut answer = self.localise(expected);
+        let opinion = self.opinion(&answer, frame, cropper);
+        self.confidence.assess(answer.response * opinion);
+        self.watch_neighbours(&answer, frame, cropper);
         self.rect = Rect::around(self.place(&answer, expected, frame), self.rect.size());
 
         if self.confidence.state() == State::Lost {
@@ -203,6 +217,53 @@ impl Followed {
         }
     }
 
+    /// The best answer of the filter, unless a neighbour explains it and another one is left for the target: then that
+    /// which makes target and neighbours together most likely.
+    fn localise(&mut self, expected: [f64; 2]) -> Answer {
+        let Self { appearance, motion, neighbours, confidence, rect, .. } = self;
+        let favourite = appearance.best(|place| motion.prior(expected, place));
+        let (answers, unit) = (appearance.answers(), rect.scale());
+        let price = |answer: &Answer| neighbours.price(answer.centre, answers, unit);
+        let least = ALTERNATIVE * confidence.usual();
+        if price(&favourite) == 0.0 || !answers.iter().any(|a| a.response > least && price(a) == 0.0) {
+            return favourite;
+        }
+        let likelihood = |answer: &Answer| {
+            let own = motion.prior(expected, answer.centre) * motion.nearness(expected, answer.centre).max(LEAST_FIT);
+            (answer.response * own).ln() - price(answer)
+        };
+        let best = answers.iter().max_by(|a, b| likelihood(a).total_cmp(&likelihood(b)));
+        best.copied().unwrap_or(favourite)
+    }
+
+    /// How far the detector lets the filter's answer count, 0 to 1: a second opinion from other features, in every
+    /// frame. A margin below 0 takes `svm.opinion` of the response a unit.
+    fn opinion(&mut self, answer: &Answer, frame: &Frame, cropper: &mut Cropper) -> f64 {
+        if self.params.svm.opinion == 0.0 || !self.detector.is_trained() {
+            return 1.0;
+        }
+        let margin = self.detector.margin(frame, cropper, &Rect::around(answer.centre, self.rect.size()));
+        (1.0 + self.params.svm.opinion * margin).clamp(0.0, 1.0)
+    }
+
+    /// Follows what looks like the target, the target itself being at `answer`. While that is certain, other peaks that
+    /// the detector takes for it as well become neighbours.
+    fn watch_neighbours(&mut self, answer: &Answer, frame: &Frame, cropper: &mut Cropper) {
+        let Self { appearance, neighbours, confidence, detector, rect, .. } = self;
+        let (answers, usual, unit) = (appearance.answers(), confidence.usual(), rect.scale());
+        neighbours.follow(answers, answer.centre, usual, unit);
+        if !confidence.is_certain(answer.response) {
+            return;
+        }
+        for (i, other) in answers.iter().enumerate() {
+            if neighbours.is_new(i, other, answer.centre, usual, unit)
+                && detector.margin(frame, cropper, &Rect::around(other.centre, rect.size())) >= ALIKE
+            {
+                neighbours.add(other.centre);
+            }
+        }
+    }
+
     /// Where the target is taken to be: at the answer as far as that is believed, else where it was expected. Without
     /// the gate it is at the answer, as in the paper.
     fn place(&self, answer: &Answer, expected: [f64; 2], frame: &Frame) -> [f64; 2] {
@@ -225,12 +286,11 @@ impl Followed {
         cropper: &mut Cropper,
         trace: &mut dyn Trace,
     ) -> Option<Answer> {
-        if self.confidence.is_certain(expected.response) && self.is_like_it(&expected, frame, cropper) {
+        if self.confidence.is_certain(expected.response) && self.is_it(&expected, frame, cropper) {
             return Some(expected);
         }
         let proposed = self.redetect(frame, cropper, trace)?;
-        (self.confidence.is_convincing(proposed.response) && self.is_like_it(&proposed, frame, cropper))
-            .then_some(proposed)
+        (self.confidence.is_convincing(proposed.response) && self.is_it(&proposed, frame, cropper)).then_some(proposed)
     }
 
     /// The detector's proposals, filtered by the GM-PHD filter; the heaviest component as the correlation filter sees it.
@@ -242,8 +302,11 @@ impl Followed {
         Some(self.appearance.highest())
     }
 
-    /// Whether the detector takes what is there for the target.
-    fn is_like_it(&mut self, answer: &Answer, frame: &Frame, cropper: &mut Cropper) -> bool {
+    /// Whether the detector takes what is there for the target, and it is no neighbour.
+    fn is_it(&mut self, answer: &Answer, frame: &Frame, cropper: &mut Cropper) -> bool {
+        if self.neighbours.is_at(answer.centre, self.rect.scale()) {
+            return false;
+        }
         let place = Rect::around(answer.centre, self.rect.size());
         self.detector.margin(frame, cropper, &place) >= self.params.svm.least_margin
     }
@@ -304,6 +367,7 @@ impl Followed {
 
     fn retune(&mut self, params: &LcmhtParams) {
         self.confidence.retune(&params.confidence);
+        self.neighbours.retune(&params.neighbours);
         self.detector.retune(detector_settings(&params.svm));
         self.motion.retune(&params.motion, &params.phd, &self.rect);
         if !self.is_outdated(params) {

@@ -38,6 +38,7 @@ pub(super) struct Appearance {
     window: Rect,
     response: Vec<f32>,
     peaks: Vec<Peak>,
+    answers: Vec<Answer>,
     shown: Vec<f32>,
 }
 
@@ -96,6 +97,7 @@ impl Appearance {
             window,
             response: vec![0.0; rows * cols],
             peaks: Vec::with_capacity(PEAKS),
+            answers: Vec::with_capacity(PEAKS),
             shown: Vec::with_capacity(rows * cols),
         };
         appearance.see(frame, cropper, rect.centre(), rect.size());
@@ -120,11 +122,19 @@ impl Appearance {
     pub(super) fn best(&mut self, prior: impl Fn([f64; 2]) -> f64) -> Answer {
         self.peaks.clear();
         local_maxima(&self.response, self.rows, self.cols, 0.0, PEAKS, self.settings.subcell, &mut self.peaks);
-        let answers = self.peaks.iter().map(|peak| self.answer(peak));
-        let ranked = answers.map(|answer| (answer.response * prior(answer.centre), answer));
+        self.answers.clear();
+        for i in 0..self.peaks.len() {
+            self.answers.push(self.answer(&self.peaks[i]));
+        }
+        let ranked = self.answers.iter().map(|&answer| (answer.response * prior(answer.centre), answer));
         ranked
             .max_by(|a, b| a.0.total_cmp(&b.0))
             .map_or(Answer { centre: self.window.centre(), response: 0.0 }, |(_, answer)| answer)
+    }
+
+    /// The local maxima that [`best`](Self::best) last chose from, highest first.
+    pub(super) fn answers(&self) -> &[Answer] {
+        &self.answers
     }
 
     /// The highest response of the map.

@@ -44,6 +44,11 @@ impl Confidence {
         self.state
     }
 
+    /// The response that the target usually gets.
+    pub(super) fn usual(&self) -> f64 {
+        self.reference
+    }
+
     /// The response in the unit of the thresholds.
     pub(super) fn quality(&self, response: f64) -> f64 {
         if self.settings.relative { response / self.reference } else { response }

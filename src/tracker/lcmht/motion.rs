@@ -107,11 +107,15 @@ impl Motion {
         if !self.settings.enabled {
             return 1.0;
         }
+        1.0 - self.settings.prior + self.settings.prior * self.nearness(expected, place)
+    }
+
+    /// How near `place` is to `expected` for this target, 1 there and falling off as a Gaussian.
+    pub(super) fn nearness(&self, expected: [f64; 2], place: [f64; 2]) -> f64 {
         let growth = 1.0 + PRIOR_GROWTH * f64::from(self.unseen);
         let width = (PRIOR_SURPRISES * self.surprise.sqrt() * growth)
             .clamp(self.settings.prior_min, self.settings.prior_max.max(self.settings.prior_min));
-        let near = (-0.5 * (distance(expected, place) / (width * self.unit)).powi(2)).exp();
-        1.0 - self.settings.prior + self.settings.prior * near
+        (-0.5 * (distance(expected, place) / (width * self.unit)).powi(2)).exp()
     }
 
     /// Takes in the box in which the target was found, having been expected at `expected`.
