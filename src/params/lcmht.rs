@@ -162,6 +162,7 @@ group! {
         lost: f64 = 0.35, in 0.0..=10.0; "Mean response of uncertain frames below which the target is lost and re-detection begins."
         patience: i64 = 5, in 0..=1000, unit "frames"; "Uncertain frames before the target can be lost."
         gate: bool = true; "Learns only while the target is certain; otherwise in every frame, as the paper's Algorithm 1."
+        calibrated: bool = true; "Reports as confidence how probable it is that the box overlaps the target by more than half; otherwise the response in units of what the target usually gets."
         adapt: f64 = 0.05, in 0.0..=1.0; "Rate at which the usual response follows that of a frame."
     }
 }

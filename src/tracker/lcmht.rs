@@ -73,6 +73,8 @@ struct Followed {
     detector: Detector,
     proposals: Vec<Proposal>,
     response: f64,
+    /// The response as far as the detector lets it count.
+    judged: f64,
     age: u32,
     updates: u32,
     lost_for: u32,
@@ -165,6 +167,7 @@ impl Followed {
             detector,
             proposals: Vec::new(),
             response,
+            judged: response,
             age: 0,
             updates: 0,
             lost_for: 0,
@@ -188,8 +191,8 @@ impl Followed {
         trace.stage(Stage::Localise);
         self.neighbours.predict(dt);
         let mut answer = self.localise(expected);
-        let opinion = self.opinion(&answer, frame, cropper);
-        self.confidence.assess(answer.response * opinion);
+        self.judged = answer.response * self.opinion(&answer, frame, cropper);
+        self.confidence.assess(self.judged);
         self.watch_neighbours(&answer, frame, cropper);
         self.rect = Rect::around(self.place(&answer, expected, frame), self.rect.size());
 
@@ -198,6 +201,7 @@ impl Followed {
             if let Some(found) = self.reacquire(answer, frame, cropper, trace) {
                 self.confidence.found();
                 answer = found;
+                self.judged = found.response;
                 self.rect = Rect::around(found.centre, self.rect.size());
             }
         }
@@ -356,7 +360,7 @@ impl Followed {
             id: self.id.clone(),
             rect: self.rect,
             velocity: self.motion.velocity(),
-            confidence: self.confidence.quality(self.response).clamp(0.0, 1.0) as f32,
+            confidence: self.confidence.reported(self.judged) as f32,
             response: self.response as f32,
             state: self.confidence.state(),
             reacquired: self.reacquired,
