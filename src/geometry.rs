@@ -4,6 +4,8 @@
 //! right and y down. Pixel (column `i`, row `j`) covers `[i, i+1) x [j, j+1)`, so its centre lies at
 //! `(i + 0.5, j + 0.5)`. Boxes of benchmark files are taken as they stand.
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
 /// An axis-aligned box: top-left corner and size, in pixels.
@@ -75,6 +77,18 @@ impl Rect {
         Self::around(self.centre(), [self.w * factor, self.h * factor])
     }
 
+    /// The columns and rows of an image of this width and height whose pixels' centres lie in the box; both empty, or
+    /// not, as there is such a pixel or not.
+    pub fn pixels(&self, [width, height]: [usize; 2]) -> [Range<usize>; 2] {
+        // Casts saturate, so that what lies far outside is cut as well.
+        let range = |low: f64, length: f64, limit: usize| {
+            let first = ((low - 0.5).ceil() as usize).min(limit);
+            first..((low + length - 0.5).ceil() as usize).clamp(first, limit)
+        };
+        let [columns, rows] = [range(self.x, self.w, width), range(self.y, self.h, height)];
+        if columns.is_empty() || rows.is_empty() { [0..0, 0..0] } else { [columns, rows] }
+    }
+
     /// Whether all four numbers are finite.
     pub fn is_finite(&self) -> bool {
         [self.x, self.y, self.w, self.h].iter().all(|v| v.is_finite())
@@ -113,5 +127,18 @@ mod tests {
         assert_eq!(Rect::around(a.centre(), a.size()), a);
         assert_eq!(a.scaled(2.0).centre(), a.centre());
         assert_eq!(a.scaled(2.0).area(), 4.0 * a.area());
+    }
+
+    #[test]
+    fn a_box_holds_the_pixels_whose_centres_lie_in_it() {
+        let pixels = |x, w| Rect::new(x, 1.0, w, 2.0).pixels([8, 4]);
+        assert_eq!(pixels(2.0, 3.0), [2..5, 1..3]);
+        assert_eq!(pixels(2.5, 3.0), [2..5, 1..3], "a centre on the left edge is in, one on the right edge is not");
+        assert_eq!(pixels(2.6, 3.0), [3..6, 1..3]);
+        assert_eq!(pixels(-5.0, 6.6), [0..2, 1..3]);
+        assert_eq!(pixels(6.0, 1e30), [6..8, 1..3]);
+        for (x, w) in [(-9.0, 4.0), (8.0, 4.0), (3.6, 0.2), (1e30, 1.0)] {
+            assert_eq!(pixels(x, w), [0..0, 0..0]);
+        }
     }
 }

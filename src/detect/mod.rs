@@ -3,5 +3,7 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `online.rs` | the detector that learns one target while it is followed and looks for it when it is lost |
+//! | `mean_shift.rs` | boxes that climb to the tops of a map |
 
+pub mod mean_shift;
 pub mod online;

@@ -1,4 +1,4 @@
-//! Feature maps of image patches, on a grid of square cells.
+//! Feature maps of image patches, on a grid of square cells, and features of pixels and boxes.
 //!
 //! | file | feature | channels |
 //! |---|---|---|
@@ -8,13 +8,17 @@
 //! | `cnn/` | outputs of a convolutional network | as the network has |
 //! | `pca.rs` | projection of channels on to their principal components | as asked |
 //! | `resize.rs` | bilinear resampling of a map to another grid | as they are |
+//! | `pixelwise.rs` | of each pixel: gradients of its neighbourhood, and its colour | 8 and 3 |
+//! | `colour_histogram.rs` | of a box: histogram of HSV colours | 110 bins |
 
 pub mod cnn;
+pub mod colour_histogram;
 pub mod colour_names;
 pub mod hog;
 pub mod layers;
 pub mod luv;
 pub mod pca;
+pub mod pixelwise;
 pub mod resize;
 
 /// Side of a cell, in pixels of the patch.

@@ -6,6 +6,7 @@
 //! | `kalman.rs` | prediction and correction of one Gaussian, and the likelihood of a measurement |
 //! | `mixture.rs` | Gaussian mixtures: pruning, merging, the cap on components |
 //! | `gm_phd.rs` | the Gaussian-mixture probability hypothesis density filter, composed of the three above |
+//! | `particles.rs` | a particle filter with guided proposals |
 //!
 //! `N` is the length of a state, `M` that of a measurement. All vectors and matrices have their size in their type, so
 //! that none of them is on the heap. Time is in frame periods.
@@ -14,6 +15,7 @@ pub mod gm_phd;
 pub mod kalman;
 pub mod mixture;
 pub mod motion;
+pub mod particles;
 
 /// A column of `N` numbers.
 pub type Vector<const N: usize> = nalgebra::SVector<f64, N>;
