@@ -7,9 +7,9 @@ use crate::geometry::Rect;
 /// The parts of a step whose share of the time is told apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// Cropping search windows and computing features.
+    /// Cropping search windows and computing features and likelihoods.
     Features,
-    /// Responses of the correlation filter and their peak.
+    /// Responses of the correlation filter and their peak; mean shift and weighing of particles.
     Localise,
     /// The scale filter.
     Scale,
@@ -70,6 +70,10 @@ pub trait Trace {
     fn response(&mut self, _map: &ResponseMap) {}
     /// What the re-detector proposes on this frame.
     fn proposals(&mut self, _proposals: &[Proposal]) {}
+    /// A particle: a box in pixels, and its share of all weight.
+    fn particle(&mut self, _rect: Rect, _weight: f64) {}
+    /// The mode that the tracker is in, with the window that it searches in.
+    fn mode(&mut self, _name: &'static str, _window: Rect) {}
 }
 
 impl Trace for () {}
@@ -99,5 +103,15 @@ impl<A: Trace, B: Trace> Trace for (A, B) {
     fn proposals(&mut self, proposals: &[Proposal]) {
         self.0.proposals(proposals);
         self.1.proposals(proposals);
+    }
+
+    fn particle(&mut self, rect: Rect, weight: f64) {
+        self.0.particle(rect, weight);
+        self.1.particle(rect, weight);
+    }
+
+    fn mode(&mut self, name: &'static str, window: Rect) {
+        self.0.mode(name, window);
+        self.1.mode(name, window);
     }
 }

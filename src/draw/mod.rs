@@ -24,6 +24,10 @@ const LOST: Rgb<u8> = Rgb([255, 70, 60]);
 const SEARCH_WINDOW: Rgb<u8> = Rgb([90, 170, 255]);
 const PREDICTION: Rgb<u8> = Rgb([255, 255, 255]);
 const PROPOSAL: Rgb<u8> = Rgb([240, 90, 240]);
+const PARTICLE: Rgb<u8> = Rgb([0, 230, 255]);
+/// Side of the dot of a particle, in line thicknesses: of one without weight, and of the heaviest.
+const LIGHT_DOT: f64 = 1.0;
+const HEAVY_DOT: f64 = 4.0;
 
 /// What remains of the frame around a response map, and, as grey, below it.
 const DIMMED: f64 = 0.4;
@@ -44,8 +48,8 @@ const VIRIDIS: [[u8; 3]; 9] = [
     [253, 231, 37],
 ];
 
-/// The frame with the search windows (thin, blue), the predictions (dashed, white), the proposals (magenta) and the
-/// box of each target (green: tracking, amber: uncertain, red: lost) with a line that gives its state, confidence
+/// The frame with the search windows (thin, blue), the mode of each if there are modes, the predictions (dashed, white),
+/// the proposals (magenta), the particles (dots, the larger the heavier) and the box of each target (green: tracking, amber: uncertain, red: lost) with a line that gives its state, confidence
 /// and id. Thickness and text grow with the picture, of which no side is longer than `max_side` pixels.
 pub fn annotated(frame: &Frame, output: &Output, scene: &Scene, max_side: u32) -> RgbImage {
     let mut image = rgb(frame, max_side);
@@ -59,6 +63,14 @@ pub fn annotated(frame: &Frame, output: &Output, scene: &Scene, max_side: u32) -
     }
     for prediction in &scene.predictions {
         pen.thin().dashed(&mut image, &place(prediction), PREDICTION);
+    }
+    let heaviest = scene.particles.iter().map(|p| p.1).fold(f64::MIN_POSITIVE, f64::max);
+    for (rect, weight) in &scene.particles {
+        let size = LIGHT_DOT + (HEAVY_DOT - LIGHT_DOT) * weight / heaviest;
+        pen.thin().dot(&mut image, &place(rect), size.round() as i32, PARTICLE);
+    }
+    for (name, window) in &scene.modes {
+        pen.label(&mut image, &place(window), name, SEARCH_WINDOW);
     }
     for target in &output.targets {
         pen.outline(&mut image, &place(&target.rect), colour(target.state));
@@ -261,12 +273,23 @@ mod tests {
         scene.search_window(window);
         scene.prediction(Rect::new(80.0, 50.0, 20.0, 20.0));
         scene.proposals(&[Proposal { rect: Rect::new(60.0, 80.0, 20.0, 20.0), score: 1.0 }]);
+        scene.particle(Rect::new(70.0, 40.0, 20.0, 20.0), 0.8);
+        scene.particle(Rect::new(110.0, 40.0, 20.0, 20.0), 0.0);
         let image = annotated(&frame(&data), &Output::default(), &scene, FULL);
+        let dots = image.enumerate_pixels().filter(|p| *p.2 == PARTICLE).map(|p| (p.0 < 100, 1));
+        let [light, heavy] = dots.fold([0, 0], |mut n, (is_heavy, one)| {
+            n[usize::from(is_heavy)] += one;
+            n
+        });
+        assert!(0 < light && light < heavy, "{light} and {heavy} pixels");
         for colour in [SEARCH_WINDOW, PREDICTION, PROPOSAL] {
             assert!(extent(&image, colour).is_some());
         }
         let drawn = extent(&image, SEARCH_WINDOW).unwrap();
         assert!(drawn.iou(&window) > 0.9, "{drawn}");
+        scene.mode("find", window);
+        let named = annotated(&frame(&data), &Output::default(), &scene, FULL);
+        assert!(extent(&image, DARK).is_none() && extent(&named, DARK).is_some(), "the mode is written");
         scene.clear();
         assert_eq!(annotated(&frame(&data), &Output::default(), &scene, FULL), rgb(&frame(&data), FULL));
     }

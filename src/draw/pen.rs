@@ -72,6 +72,13 @@ impl Pen {
         side(x1, y0, t, y1 - y0 + t);
     }
 
+    /// A square of so many line thicknesses in the middle of a box.
+    pub(super) fn dot(&self, image: &mut RgbImage, rect: &Rect, size: i32, colour: Rgb<u8>) {
+        let [x, y] = rect.centre();
+        let side = size * self.line;
+        fill(image, pixel(x) - side / 2, pixel(y) - side / 2, side, side, colour);
+    }
+
     /// A line of text above the box, below where there is no room, and always inside the image.
     pub(super) fn label(&self, image: &mut RgbImage, rect: &Rect, text: &str, colour: Rgb<u8>) {
         let scale = self.text as f32;

@@ -11,6 +11,10 @@ pub struct Scene {
     pub(super) search_windows: Vec<Rect>,
     pub(super) predictions: Vec<Rect>,
     pub(super) proposals: Vec<Proposal>,
+    /// Boxes with their weights.
+    pub(super) particles: Vec<(Rect, f64)>,
+    /// Names with the windows that they are of.
+    pub(super) modes: Vec<(&'static str, Rect)>,
     maps: Vec<MapShape>,
     /// Of all maps, one after the other.
     values: Vec<f32>,
@@ -32,6 +36,8 @@ impl Scene {
         self.search_windows.clear();
         self.predictions.clear();
         self.proposals.clear();
+        self.particles.clear();
+        self.modes.clear();
         self.maps.clear();
         self.values.clear();
     }
@@ -68,5 +74,13 @@ impl Trace for Scene {
 
     fn proposals(&mut self, proposals: &[Proposal]) {
         self.proposals.extend_from_slice(proposals);
+    }
+
+    fn particle(&mut self, rect: Rect, weight: f64) {
+        self.particles.push((rect, weight));
+    }
+
+    fn mode(&mut self, name: &'static str, window: Rect) {
+        self.modes.push((name, window));
     }
 }

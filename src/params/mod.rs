@@ -1,9 +1,11 @@
 //! Parameters: the one table, checked changes, and files.
 //!
 //! [`Params`] is a plain struct; everything else about a parameter (type, range, unit, description, whether it
-//! may change while the program runs) is in its [`Descriptor`]. Both come from the same rows, in `schema.rs` and `lcmht.rs`.
+//! may change while the program runs) is in its [`Descriptor`]. Both come from the same rows, in `schema.rs`,
+//! `lcmht.rs` and `etepf.rs`.
 //! A change is checked as a whole and makes a new set, or is refused as a whole: [`Params::with`].
 
+mod etepf;
 mod lcmht;
 mod markdown;
 mod schema;
@@ -13,6 +15,7 @@ mod yaml;
 
 use std::sync::LazyLock;
 
+pub use etepf::*;
 pub use lcmht::*;
 pub use markdown::markdown;
 pub use schema::*;

@@ -1,6 +1,7 @@
 //! The table of parameters, group by group. A row is name, type, default, range, unit, whether it is fixed once
 //! the program runs, and one sentence.
 
+use super::etepf::EtepfParams;
 use super::lcmht::LcmhtParams;
 use super::table::{choice, group, groups};
 use crate::error::ParamsError;
@@ -11,6 +12,8 @@ choice! {
     pub enum Algorithm {
         /// Long-term correlation tracking with multi-layer hybrid features.
         Lcmht = "lcmht",
+        /// Ensemble tracking embedded in a particle filter.
+        Etepf = "etepf",
     }
 }
 
@@ -80,6 +83,8 @@ groups! {
         debug: Debug,
         /// LCMHT.
         lcmht: LcmhtParams,
+        /// ETEPF.
+        etepf: EtepfParams,
     }
 }
 

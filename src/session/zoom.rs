@@ -87,4 +87,12 @@ impl Trace for Zoomed<'_> {
         let stretch = |p: &Proposal| Proposal { rect: stretched(p.rect, self.factors), ..*p };
         self.trace.proposals(&proposals.iter().map(stretch).collect::<Vec<_>>());
     }
+
+    fn particle(&mut self, rect: Rect, weight: f64) {
+        self.trace.particle(stretched(rect, self.factors), weight);
+    }
+
+    fn mode(&mut self, name: &'static str, window: Rect) {
+        self.trace.mode(name, stretched(window, self.factors));
+    }
 }

@@ -1,5 +1,6 @@
 //! The interface of all trackers, and what they say of a target.
 
+pub mod etepf;
 pub mod lcmht;
 
 use std::sync::Arc;
@@ -38,6 +39,7 @@ pub trait Tracker: Send {
 pub fn build(params: &Params) -> Result<Box<dyn Tracker>, NetworkError> {
     match params.general.algorithm {
         Algorithm::Lcmht => Ok(Box::new(lcmht::Lcmht::new(params)?)),
+        Algorithm::Etepf => Ok(Box::new(etepf::Etepf::new(params))),
     }
 }
 
@@ -45,6 +47,7 @@ pub fn build(params: &Params) -> Result<Box<dyn Tracker>, NetworkError> {
 pub fn check(old: &Params, new: &Params) -> Result<(), NetworkError> {
     match new.general.algorithm {
         Algorithm::Lcmht => lcmht::check(&old.lcmht, &new.lcmht),
+        Algorithm::Etepf => Ok(()),
     }
 }
 

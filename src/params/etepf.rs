@@ -1,0 +1,99 @@
+//! The parameters of ETEPF. What the paper gives a value for has it as its default, unless its description says more.
+
+use super::table::{choice, group, groups};
+
+choice! {
+    /// What finds the target.
+    pub enum EtepfMethod {
+        /// Ensemble tracking embedded in a particle filter.
+        Full = "full",
+        /// Ensemble tracking alone (the paper's ET): mean shift from where the target was.
+        MeanShift = "mean_shift",
+        /// Colour-based particles alone (the paper's PF).
+        Particles = "particles",
+    }
+}
+
+choice! {
+    /// What particles are weighed by beside their colours.
+    pub enum Observation {
+        /// The likelihood mean of the target against that of its surroundings (eq 4).
+        Contrast = "contrast",
+        /// The likelihood mean of the target alone, as in eq 9.
+        Mean = "mean",
+    }
+}
+
+group! {
+    /// Features of pixels.
+    pub struct EtepfFeatures at "etepf.features." {
+        radius: i64 = 2, in 0..=8, unit "px"; "Reach of the neighbourhood whose gradients describe a pixel; 2 makes it 5 x 5."
+        pixels: i64 = 2500, in 64..=1000000; "Pixels of the target in the likelihood image, at most: a larger one is seen smaller."
+    }
+}
+
+group! {
+    /// The ensemble of weak classifiers.
+    pub struct EtepfEnsemble at "etepf.ensemble." {
+        classifiers: i64 = 5, in 1..=12; "Weak classifiers."
+        surround: f64 = 2.0, in 1.2..=5.0, unit "target sizes"; "Side of the outer rectangle; what is between it and the target is the background that is learned, and measured in eq 4."
+        examples: i64 = 1000, in 50..=10000; "Pixels of the target, and of the background, that are learned from the first frame, at most."
+    }
+}
+
+group! {
+    /// The adaptive motion model and the particles.
+    pub struct EtepfParticles at "etepf.particles." {
+        method: EtepfMethod = EtepfMethod::Full; "What finds the target: the whole tracker or, for comparison, one half of it alone."
+        count: i64 = 10, in 1..=1000; "Particles (N). Twice as many are weighed."
+        history: i64 = 5, in 1..=100, unit "frames"; "Frames whose steps give the noise of the motion model (C of eq 6)."
+        least_noise: f64 = 5.0, in 0.1..=1000.0, unit "px"; "Least standard deviation of a step across and down."
+        scale_noise: f64 = 0.02, in 0.0001..=0.5; "Standard deviation of a step of the scale."
+        spread: f64 = 1.0, in 0.1..=10.0; "Standard deviation of what is drawn around a local peak (Sigma), in units of the motion model's."
+        climb: i64 = 10, in 1..=100; "Steps of mean shift, at most."
+        observation: Observation = Observation::Contrast; "What particles are weighed by beside their colours: `mean` is eq 9."
+        lambda: f64 = 20.0, in 0.1..=1000.0; "How much the distance of colour histograms counts (lambda of eq 8)."
+        parts: i64 = 2, in 1..=8; "Parts of the target, one below the other, that have a colour histogram each; 1 as in the paper."
+    }
+}
+
+group! {
+    /// The modes TRACK and FIND.
+    pub struct EtepfModes at "etepf.modes." {
+        certain: f64 = 0.5, in 0.0..=1.0; "Likelihood mean above which the target is certain (T1)."
+        lost: f64 = 0.1, in 0.0..=1.0; "Likelihood mean below which it is lost (T2): the mode is FIND."
+        lost_contrast: f64 = 0.25, in -20.0..=20.0, unit "of the first frame's"; "Difference of the likelihood means (eq 4) below which it is lost; -20 leaves that to T2, as in the paper."
+        similar: f64 = 0.7, in 0.0..=1.0; "Similarity of colour histograms above which a lost target is taken up again (T3); 0.5 in the paper."
+        found_contrast: f64 = 0.4, in -20.0..=20.0, unit "of the first frame's"; "Difference of the likelihood means above which it is taken up again."
+        widen: f64 = 1.2, in 1.0..=2.0; "Growth of the motion model's noise with each frame in FIND."
+        extent: f64 = 8.0, in 1.0..=32.0, unit "target sizes"; "Side of the area around its last place in which a target is searched."
+    }
+}
+
+group! {
+    /// The update of the ensemble.
+    pub struct EtepfUpdate at "etepf.update." {
+        enabled: bool = false; "Trains the ensemble anew from time to time, while the target is certain; the paper leaves it as it was first."
+        interval: i64 = 5, in 1..=1000, unit "frames"; "Frames from one training to the next."
+        memory: i64 = 5, in 1..=100; "Frames that are learned from beside the first."
+        first: f64 = 0.5, in 0.0..=1.0; "Share of the first frame in the weight of all examples: it guards against drift."
+        contrast: f64 = 0.7, in -20.0..=20.0, unit "of the first frame's"; "Difference of the likelihood means (eq 4) that a frame must show to be learned from."
+        similar: f64 = 0.8, in 0.0..=1.0; "Similarity of colour histograms that a frame must show to be learned from."
+    }
+}
+
+groups! {
+    /// ETEPF.
+    pub struct EtepfParams {
+        /// Features of pixels.
+        features: EtepfFeatures,
+        /// The ensemble of weak classifiers.
+        ensemble: EtepfEnsemble,
+        /// The adaptive motion model and the particles.
+        particles: EtepfParticles,
+        /// The modes TRACK and FIND.
+        modes: EtepfModes,
+        /// The update of the ensemble.
+        update: EtepfUpdate,
+    }
+}

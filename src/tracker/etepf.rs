@@ -1,0 +1,362 @@
+//! Ensemble tracking embedded in a particle filter: ETEPF (Gu, Li and Han, *Embedding ensemble tracking in a stochastic
+//! framework for robust object tracking*, 2009).
+//!
+//! Weak classifiers that tell pixels of the target from those around it make a likelihood image. Particles follow the
+//! target: one half as it may have moved, the other led to the peaks of that image by mean shift; they are weighed by what
+//! the image and their colours say. `Followed::step` is the paper's algorithm.
+//!
+//! The mode TRACK is `Tracking` where the likelihood mean of the target is above T1 and `Uncertain` below; FIND is `Lost`.
+//! By default, three things differ from the paper, each of which a parameter takes back: the target must stand out from
+//! its surroundings (eq 4) where the paper weighs its likelihood mean alone, and is lost where it does not; there is a colour
+//! histogram for its upper and one for its lower half; and the ensemble is updated while it is certain.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `etepf/likelihood.rs` | the likelihood image of a part of the frame (eq 5), and its means (eq 3) |
+//! | `etepf/appearance.rs` | the ensemble and the colours, and what they say of a place (eqs 4 and 7 to 9) |
+//! | `etepf/learning.rs` | what the ensemble is trained on |
+//! | `etepf/motion.rs` | the adaptive motion model (eq 6) |
+//! | `features/pixelwise.rs`, `features/colour_histogram.rs` | the features |
+//! | `learn/adaboost.rs` | AdaBoost |
+//! | `detect/mean_shift.rs` | mean shift |
+//! | `filter/particles.rs` | the particle filter (eqs 1 and 2) |
+
+mod appearance;
+mod learning;
+mod likelihood;
+mod motion;
+
+use std::sync::Arc;
+
+use super::{Output, State, Target, Tracker};
+use crate::crop::Cropper;
+use crate::error::NetworkError;
+use crate::filter::particles::Particles;
+use crate::frame::Frame;
+use crate::geometry::Rect;
+use crate::params::{EtepfMethod, EtepfParams, Params};
+use crate::trace::{Stage, Trace};
+use appearance::{Appearance, Evidence};
+use likelihood::View;
+use motion::{Bounds, Motion, Place};
+
+/// What the paper calls its modes.
+const TRACK: &str = "track";
+const FIND: &str = "find";
+/// Standard deviations of what is drawn around a peak within which the likelihood image is made.
+const REACH: f64 = 2.0;
+/// Keeps the contrast of the first frame above zero.
+const LEAST_CONTRAST: f64 = 0.05;
+
+/// The tracker.
+pub struct Etepf {
+    params: EtepfParams,
+    seed: u64,
+    scratch: Scratch,
+    /// In the order of their starts.
+    targets: Vec<Followed>,
+}
+
+/// What all targets use one after the other.
+#[derive(Default)]
+struct Scratch {
+    cropper: Cropper,
+    view: View,
+}
+
+/// A target and all that is known of it.
+struct Followed {
+    id: Arc<str>,
+    params: EtepfParams,
+    /// Its width and height at scale 1.
+    size: [f64; 2],
+    /// Where it is taken to be.
+    place: Place,
+    appearance: Appearance,
+    particles: Particles<3>,
+    motion: Motion,
+    state: State,
+    /// What is seen there.
+    evidence: Evidence,
+    /// How much it stood out in the first frame (diff, eq 4).
+    contrast: f64,
+    age: u32,
+    lost_for: u32,
+    reacquired: bool,
+}
+
+impl Etepf {
+    /// A tracker that waits for a mark.
+    pub fn new(params: &Params) -> Self {
+        Self {
+            params: params.etepf.clone(),
+            seed: params.general.seed.unsigned_abs(),
+            scratch: Scratch::default(),
+            targets: Vec::new(),
+        }
+    }
+}
+
+impl Tracker for Etepf {
+    fn start(&mut self, id: &Arc<str>, frame: &Frame, rect: Rect, trace: &mut dyn Trace) {
+        trace.stage(Stage::Learn);
+        let followed = Followed::new(id.clone(), &self.params, self.seed, frame, &mut self.scratch, &rect);
+        self.stop(id);
+        self.targets.push(followed);
+    }
+
+    fn stop(&mut self, id: &str) {
+        self.targets.retain(|target| &*target.id != id);
+    }
+
+    fn catch_up(&mut self, id: &str, frame: &Frame, dt: f64, trace: &mut dyn Trace) {
+        if let Some(target) = self.targets.iter_mut().find(|target| &*target.id == id) {
+            target.step(frame, &mut self.scratch, dt, trace);
+        }
+    }
+
+    fn step(&mut self, frame: &Frame, dt: f64, trace: &mut dyn Trace) {
+        for target in &mut self.targets {
+            target.step(frame, &mut self.scratch, dt, trace);
+            if target.is_outdated(&self.params) && target.state == State::Tracking {
+                target.relearn(&self.params, frame, &mut self.scratch);
+            }
+        }
+    }
+
+    fn report(&self, output: &mut Output) {
+        output.targets.clear();
+        output.targets.extend(self.targets.iter().map(Followed::report));
+    }
+
+    fn retune(&mut self, params: &Params) -> Result<(), NetworkError> {
+        self.params = params.etepf.clone();
+        self.targets.iter_mut().for_each(|target| target.retune(&self.params));
+        Ok(())
+    }
+}
+
+impl Followed {
+    fn new(id: Arc<str>, params: &EtepfParams, seed: u64, frame: &Frame, scratch: &mut Scratch, rect: &Rect) -> Self {
+        let appearance = scratch.learn(frame, rect, params);
+        let [u, v] = rect.centre();
+        let place = Place::from([u, v, 1.0]);
+        let evidence = appearance.evidence(&scratch.view, rect, params);
+        Self {
+            id,
+            size: rect.size(),
+            place,
+            evidence,
+            contrast: evidence.contrast(),
+            appearance,
+            particles: Particles::new(params.particles.count as usize, place, seed),
+            motion: Motion::new(),
+            state: State::Tracking,
+            age: 0,
+            lost_for: 0,
+            reacquired: false,
+            params: params.clone(),
+        }
+    }
+
+    /// Follows the target into the next frame.
+    fn step(&mut self, frame: &Frame, scratch: &mut Scratch, dt: f64, trace: &mut dyn Trace) {
+        self.age = self.age.saturating_add(1);
+        trace.prediction(self.rect(&self.place));
+
+        trace.stage(Stage::Features);
+        let noise = self.motion.noise(self.size, dt, &self.params.particles, &self.params.modes);
+        let bounds = Bounds::new(frame, self.size, &self.place, &self.params.modes);
+        self.particles.propagate(&noise);
+        self.particles.confine(|place| *place = bounds.nearest(place));
+        self.look(frame, scratch, &noise);
+        let view = &scratch.view;
+
+        trace.stage(if self.state == State::Lost { Stage::Redetect } else { Stage::Localise });
+        self.guide(view, &noise, &bounds);
+        self.weigh(view);
+        let found = self.estimate(view);
+        let evidence = self.appearance.evidence(view, &self.rect(&found), &self.params);
+        let was_lost = self.state == State::Lost;
+        self.state = self.mode(&evidence);
+        self.reacquired = was_lost && self.state != State::Lost;
+        self.show(view, trace);
+        self.go_on(found, evidence, dt);
+
+        if self.is_exemplary() {
+            trace.stage(Stage::Learn);
+            self.update(frame, scratch);
+        }
+    }
+
+    /// Makes the likelihood image of wherever a particle may come to be (step 1).
+    fn look(&self, frame: &Frame, scratch: &mut Scratch, noise: &Place) {
+        let (mut low, mut high) = (self.place, self.place);
+        for particle in self.particles.drawn() {
+            low = low.inf(&particle.state);
+            high = high.sup(&particle.state);
+        }
+        let outer = self.params.ensemble.surround * high[2];
+        let reach = |axis: usize| 0.5 * outer * self.size[axis] + REACH * self.params.particles.spread * noise[axis];
+        let (x, y) = (low[0] - reach(0), low[1] - reach(1));
+        let area = Rect::new(x, y, high[0] + reach(0) - x, high[1] + reach(1) - y);
+        let size = self.rect(&self.place).size();
+        scratch.view.look(frame, &mut scratch.cropper, &area, size, &self.params.features);
+        scratch.view.judge(self.appearance.ensemble(), &self.params.features);
+    }
+
+    /// Draws as many particles again, beside where mean shift leads those there are (step 2).
+    fn guide(&mut self, view: &View, noise: &Place, bounds: &Bounds) {
+        if self.params.particles.method != EtepfMethod::Full {
+            return;
+        }
+        let spread = noise * self.params.particles.spread;
+        let (size, steps) = (self.size, self.params.particles.climb);
+        self.particles.guide(noise, &spread, |place| climb(view, place, size, steps));
+        self.particles.confine(|place| *place = bounds.nearest(place));
+    }
+
+    /// Weighs the particles by what is seen (step 3).
+    fn weigh(&mut self, view: &View) {
+        let Self { particles, appearance, params, size, .. } = self;
+        particles.weigh(|place| appearance.evidence(view, &rect(place, *size), params).likelihood(&params.particles));
+    }
+
+    /// Where the target is taken to be (step 4): at the mean of the particles. Those that look for a lost target are far
+    /// apart, and the mean of two places is neither; so of these it is the heaviest.
+    fn estimate(&self, view: &View) -> Place {
+        match self.params.particles.method {
+            EtepfMethod::MeanShift => climb(view, &self.place, self.size, self.params.particles.climb),
+            EtepfMethod::Full if self.state == State::Lost => self.particles.heaviest().unwrap_or(self.place),
+            EtepfMethod::Full | EtepfMethod::Particles => self.particles.mean(),
+        }
+    }
+
+    /// TRACK or FIND, by what is seen where the target is taken to be. One half of the tracker alone has no FIND.
+    fn mode(&self, seen: &Evidence) -> State {
+        let modes = &self.params.modes;
+        let certain = seen.target >= modes.certain;
+        let contrast = self.relative_contrast(seen);
+        let gone = seen.target < modes.lost || contrast < modes.lost_contrast;
+        let back = certain && seen.likeness >= modes.similar && contrast >= modes.found_contrast;
+        match (self.params.particles.method, self.state) {
+            (EtepfMethod::Full, State::Lost) if !back => State::Lost,
+            (EtepfMethod::Full, State::Tracking | State::Uncertain) if gone => State::Lost,
+            _ if certain => State::Tracking,
+            _ => State::Uncertain,
+        }
+    }
+
+    /// How much a place stands out, in units of what the target did in the first frame.
+    fn relative_contrast(&self, seen: &Evidence) -> f64 {
+        seen.contrast() / self.contrast.max(LEAST_CONTRAST)
+    }
+
+    /// Goes on from where the target was found: the motion model learns, and the particles are resampled (step 5). A lost
+    /// one stays where it was seen last; the particles spread from there, the farther the longer.
+    fn go_on(&mut self, found: Place, evidence: Evidence, dt: f64) {
+        if self.state == State::Lost {
+            self.lost_for = self.lost_for.saturating_add(1);
+            self.motion.missed(&self.params.modes);
+            self.particles.gather(self.params.particles.count as usize, self.place);
+        } else {
+            let step = [found[0] - self.place[0], found[1] - self.place[1]];
+            if self.reacquired {
+                self.motion.restart();
+            } else {
+                self.motion.moved(step, dt, &self.params.particles);
+            }
+            self.lost_for = 0;
+            self.place = found;
+            self.particles.resample(self.params.particles.count as usize);
+        }
+        self.evidence = evidence;
+    }
+
+    /// Whether the ensemble is to learn from this frame.
+    fn is_exemplary(&self) -> bool {
+        let update = &self.params.update;
+        update.enabled
+            && self.state == State::Tracking
+            && !self.reacquired
+            && self.age.is_multiple_of(update.interval as u32)
+            && self.relative_contrast(&self.evidence) >= update.contrast
+            && self.evidence.likeness >= update.similar
+    }
+
+    /// Updates the ensemble with the target as it is in this frame.
+    fn update(&mut self, frame: &Frame, scratch: &mut Scratch) {
+        let place = self.rect(&self.place);
+        scratch.look_around(frame, &place, &self.params);
+        self.appearance.update(&mut scratch.view, &place, &self.params);
+    }
+
+    /// Shows the likelihood image, the particles and the mode.
+    fn show(&self, view: &View, trace: &mut dyn Trace) {
+        view.show(trace);
+        self.particles.drawn().iter().for_each(|p| trace.particle(self.rect(&p.state), p.weight));
+        trace.mode(if self.state == State::Lost { FIND } else { TRACK }, view.window());
+    }
+
+    fn report(&self) -> Target {
+        Target {
+            id: self.id.clone(),
+            rect: self.rect(&self.place),
+            velocity: if self.state == State::Lost { [0.0; 2] } else { self.motion.velocity() },
+            confidence: (self.evidence.contrast() * self.evidence.likeness).clamp(0.0, 1.0) as f32,
+            response: self.evidence.target as f32,
+            state: self.state,
+            reacquired: self.reacquired,
+            age: self.age,
+            lost_for: self.lost_for,
+        }
+    }
+
+    /// Takes over parameters; those that what is learned depends on wait until it can be learned again.
+    fn retune(&mut self, params: &EtepfParams) {
+        let Self { params: own, .. } = self;
+        let (features, parts) = (own.features.clone(), own.particles.parts);
+        *own = params.clone();
+        (own.features, own.particles.parts) = (features, parts);
+    }
+
+    /// Whether these parameters need another ensemble and other colours than there are.
+    fn is_outdated(&self, params: &EtepfParams) -> bool {
+        self.params.features != params.features || self.params.particles.parts != params.particles.parts
+    }
+
+    /// Learns the target anew, as it is in this frame.
+    fn relearn(&mut self, params: &EtepfParams, frame: &Frame, scratch: &mut Scratch) {
+        self.params = params.clone();
+        self.appearance = scratch.learn(frame, &self.rect(&self.place), params);
+    }
+
+    fn rect(&self, place: &Place) -> Rect {
+        rect(place, self.size)
+    }
+}
+
+impl Scratch {
+    /// Looks at a target and its surroundings.
+    fn look_around(&mut self, frame: &Frame, rect: &Rect, params: &EtepfParams) {
+        let outer = rect.scaled(params.ensemble.surround);
+        self.view.look(frame, &mut self.cropper, &outer, rect.size(), &params.features);
+    }
+
+    /// Learns the target in `rect`.
+    fn learn(&mut self, frame: &Frame, rect: &Rect, params: &EtepfParams) -> Appearance {
+        self.look_around(frame, rect, params);
+        Appearance::new(&mut self.view, rect, params)
+    }
+}
+
+/// The box of a state, of a target that has this size at scale 1.
+fn rect(place: &Place, size: [f64; 2]) -> Rect {
+    Rect::around([place[0], place[1]], size.map(|side| side * place[2]))
+}
+
+/// Where mean shift leads.
+fn climb(view: &View, place: &Place, size: [f64; 2], steps: i64) -> Place {
+    let [u, v] = view.climb(&rect(place, size), steps);
+    Place::from([u, v, place[2]])
+}
