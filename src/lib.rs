@@ -21,11 +21,11 @@
 //! | room | what lives there |
 //! |---|---|
 //! | [`geometry`], [`frame`], [`error`] | boxes and the one convention for coordinates; images as they come in; errors |
-//! | [`crop`], [`features`] | search windows cut out and resampled; HOG, colour names, LUV, layers of them |
+//! | [`crop`], [`features`] | search windows cut out and resampled; HOG, colour names, LUV, layers of them; features of pixels, colour histograms |
 //! | [`dcf`] | correlation filters: the paper's and the default one, response maps, scale |
-//! | [`filter`] | motion models, Kalman steps, the GM-PHD filter |
-//! | [`learn`], [`detect`] | the incremental support vector machine; the detector that looks for a lost target with it |
-//! | [`tracker`] | the interface and one file a tracker; [`tracker::lcmht`] reads as its paper |
+//! | [`filter`] | motion models, Kalman steps, the GM-PHD filter; the particle filter |
+//! | [`learn`], [`detect`] | the incremental support vector machine, AdaBoost; the detector that looks for a lost target, mean shift |
+//! | [`tracker`] | the interface and one file a tracker; [`tracker::lcmht`] and [`tracker::etepf`] read as their papers |
 //! | [`session`], [`trace`] | one stream with one tracker; what a step shows of its inside |
 //! | [`params`] | the one table of parameters, and files of them |
 //! | [`messages`], [`decode`] | ROS messages as data; JPEG and PNG |
@@ -40,6 +40,8 @@
 //!
 //! * N. L. Baisa, D. Bhowmik, A. Wallace: *Long-term correlation tracking using multi-layer hybrid features in dense
 //!   environments* (LCMHT): [`dcf`], [`detect`], [`filter::gm_phd`], [`tracker::lcmht`].
+//! * Y. Gu, P. Li, B. Han: *Embedding ensemble tracking in a stochastic framework for robust object tracking* (ETEPF):
+//!   [`learn::adaboost`], [`detect::mean_shift`], [`filter::particles`], [`tracker::etepf`].
 //! * N. L. Baisa: *Derivation of a constant velocity motion model for visual tracking*: [`filter::motion`].
 
 #[cfg(all(feature = "ros", not(feature = "humble")))]

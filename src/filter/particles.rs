@@ -147,7 +147,8 @@ mod tests {
     fn guided_particles_keep_the_posterior_unbiased() {
         const COUNT: usize = 200_000;
         let (noise, spread) = (Vector::from([2.0]), Vector::from([2.0]));
-        let leads: [(&str, fn(f64) -> f64); 4] = [
+        type Lead = fn(f64) -> f64;
+        let leads: [(&str, Lead); 4] = [
             ("nowhere", |x| x),
             ("to what is seen", |_| 3.0),
             ("away", |x| x - 2.0),

@@ -6,9 +6,10 @@
 //! the image and their colours say. `Followed::step` is the paper's algorithm.
 //!
 //! The mode TRACK is `Tracking` where the likelihood mean of the target is above T1 and `Uncertain` below; FIND is `Lost`.
-//! By default, three things differ from the paper, each of which a parameter takes back: the target must stand out from
-//! its surroundings (eq 4) where the paper weighs its likelihood mean alone, and is lost where it does not; there is a colour
-//! histogram for its upper and one for its lower half; and the ensemble is updated while it is certain.
+//! By default, some things differ from the paper, each of which a parameter takes back: the target must stand out from
+//! its surroundings (eq 4) where the paper weighs its likelihood mean alone, and is lost where it does not; it has a colour
+//! histogram for its upper and one for its lower half; its place settles on a peak of the likelihood image; and the ensemble
+//! may be updated while the target is certain.
 //!
 //! | file | what it holds |
 //! |---|---|
@@ -222,13 +223,16 @@ impl Followed {
         particles.weigh(|place| appearance.evidence(view, &rect(place, *size), params).likelihood(&params.particles));
     }
 
-    /// Where the target is taken to be (step 4): at the mean of the particles. Those that look for a lost target are far
-    /// apart, and the mean of two places is neither; so of these it is the heaviest.
+    /// Where the target is taken to be (step 4): at the mean of the particles, or the peak that it is next to, for the mean
+    /// of so few is off by pixels. Those that look for a lost target are far apart, and the mean of two places is neither;
+    /// so of these it is the heaviest.
     fn estimate(&self, view: &View) -> Place {
-        match self.params.particles.method {
-            EtepfMethod::MeanShift => climb(view, &self.place, self.size, self.params.particles.climb),
+        let settings = &self.params.particles;
+        match settings.method {
+            EtepfMethod::MeanShift => climb(view, &self.place, self.size, settings.climb),
+            EtepfMethod::Particles => self.particles.mean(),
             EtepfMethod::Full if self.state == State::Lost => self.particles.heaviest().unwrap_or(self.place),
-            EtepfMethod::Full | EtepfMethod::Particles => self.particles.mean(),
+            EtepfMethod::Full => climb(view, &self.particles.mean(), self.size, settings.settle),
         }
     }
 

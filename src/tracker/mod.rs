@@ -85,7 +85,7 @@ pub struct Target {
     pub velocity: [f64; 2],
     /// Share of such boxes that can be expected to be right, 0 to 1.
     pub confidence: f32,
-    /// Peak of the fused response map; 0 where the algorithm has none.
+    /// Peak of the fused response map; of ETEPF, the mean likelihood within the box.
     pub response: f32,
     /// How sure the tracker is.
     pub state: State,
