@@ -64,6 +64,7 @@ group! {
         certain: f64 = 0.5, in 0.0..=1.0; "Likelihood mean above which the target is certain (T1)."
         lost: f64 = 0.1, in 0.0..=1.0; "Likelihood mean below which it is lost (T2): the mode is FIND."
         lost_contrast: f64 = 0.25, in -20.0..=20.0, unit "of the first frame's"; "Difference of the likelihood means (eq 4) below which it is lost; -20 leaves that to T2, as in the paper."
+        lost_similar: f64 = 0.4, in 0.0..=1.0; "Similarity of colour histograms below which it is lost; 0 in the paper."
         similar: f64 = 0.7, in 0.0..=1.0; "Similarity of colour histograms above which a lost target is taken up again (T3); 0.5 in the paper."
         found_contrast: f64 = 0.4, in -20.0..=20.0, unit "of the first frame's"; "Difference of the likelihood means above which it is taken up again."
         widen: f64 = 1.2, in 1.0..=2.0; "Growth of the motion model's noise with each frame in FIND."
@@ -74,7 +75,7 @@ group! {
 group! {
     /// The update of the ensemble.
     pub struct EtepfUpdate at "etepf.update." {
-        enabled: bool = false; "Trains the ensemble anew from time to time, while the target is certain; the paper leaves it as it was first."
+        enabled: bool = true; "Trains the ensemble anew from time to time, while the target is certain; the paper does not."
         interval: i64 = 5, in 1..=1000, unit "frames"; "Frames from one training to the next."
         memory: i64 = 5, in 1..=100; "Frames that are learned from beside the first."
         first: f64 = 0.5, in 0.0..=1.0; "Share of the first frame in the weight of all examples: it guards against drift."

@@ -9,7 +9,7 @@
 //! By default, some things differ from the paper, each of which a parameter takes back: the target must stand out from
 //! its surroundings (eq 4) where the paper weighs its likelihood mean alone, and is lost where it does not; it has a colour
 //! histogram for its upper and one for its lower half; its place settles on a peak of the likelihood image; and the ensemble
-//! may be updated while the target is certain.
+//! is updated while the target is certain.
 //!
 //! | file | what it holds |
 //! |---|---|
@@ -241,7 +241,7 @@ impl Followed {
         let modes = &self.params.modes;
         let certain = seen.target >= modes.certain;
         let contrast = self.relative_contrast(seen);
-        let gone = seen.target < modes.lost || contrast < modes.lost_contrast;
+        let gone = seen.target < modes.lost || contrast < modes.lost_contrast || seen.likeness < modes.lost_similar;
         let back = certain && seen.likeness >= modes.similar && contrast >= modes.found_contrast;
         match (self.params.particles.method, self.state) {
             (EtepfMethod::Full, State::Lost) if !back => State::Lost,
