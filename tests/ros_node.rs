@@ -12,9 +12,18 @@ use support::{Node, Peer, domain, scenario};
 
 #[test]
 fn a_target_is_marked_followed_stopped_and_taken_up_again() {
+    whole_life("lcmht");
+}
+
+#[test]
+fn the_other_tracker_is_told_and_shown_alike() {
+    whole_life("etepf");
+}
+
+fn whole_life(algorithm: &str) {
     let domain = domain();
-    let node = Node::start(domain, &[]);
-    Peer::start(domain, "whole_life", &[&node.id().to_string()]).succeed(&node);
+    let node = Node::start(domain, &["--ros-args", "-p", &format!("algorithm:={algorithm}")]);
+    Peer::start(domain, "whole_life", &[&node.id().to_string(), algorithm]).succeed(&node);
     let (code, log) = node.finish();
     assert_eq!(code, Some(0), "{log}");
     for part in

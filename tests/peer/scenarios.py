@@ -26,7 +26,7 @@ from restarts import *  # noqa: F403
 from script import run
 
 
-def whole_life(node_pid):
+def whole_life(node_pid, algorithm):
     """Marks, follows, looks at the debug images, sets a parameter, stops, restarts, and sees the node go."""
     peer = Peer()
     peer.spin_until(lambda: "/tracker" in peer.listed(), "the node is listed")
@@ -36,7 +36,7 @@ def whole_life(node_pid):
     assert iou(box_of(marked.tracks[0]), peer.scene.box(peer.index)) > 0.99
     assert stamp_of(marked) == stamp_of(peer.message(peer.index)), "the start bears the newest frame's stamp"
     said = peer.follow(20)
-    assert (said.algorithm, said.header.frame_id) == ("lcmht", "camera_optical")
+    assert (said.algorithm, said.header.frame_id) == (algorithm, "camera_optical")
     assert said.tracks[0].id == "0" and said.tracks[0].age == 20 and said.skipped == 0, said
     assert 0 < said.processing_time.nanosec < 500_000_000
 
