@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use long_term_tracker::Rect;
 use long_term_tracker::eval::dataset::{self, Sequence};
-use long_term_tracker::eval::run::{Clock, Setup, run};
+use long_term_tracker::eval::run::{Clock, Setup, Start, run};
 use long_term_tracker::eval::trajectory::{held_from, median, rmse};
 use long_term_tracker::params::{Assignment, Params, Phase, Value, assignment};
 
@@ -97,8 +97,8 @@ fn boxes(
     all.extend_from_slice(set);
     let params = Params::default().with(all.iter().map(|(n, v)| (n.as_str(), v)), Phase::StartUp)?;
     let setup = Setup { name: String::new(), params };
-    let run = run(&setup, sequence, usize::MAX, Clock::ThreadCPUTime, || ())?;
-    Ok(run.rows().into_iter().map(|row| row.1).collect())
+    let run = run(&setup, sequence, Start::default(), usize::MAX, Clock::ThreadCPUTime, || ())?;
+    Ok(run.answers.iter().map(|answer| answer.rect).collect())
 }
 
 fn summary(name: &'static str, runs: &[Vec<Rect>], sequence: &Sequence) -> Result {

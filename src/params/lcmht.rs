@@ -215,7 +215,7 @@ group! {
         scan_extent: f64 = 6.0, in 1.5..=16.0, unit "target sizes"; "Side of the area that is scanned for a lost target."
         proposals: i64 = 5, in 1..=50; "Best places of a scan that go to the GM-PHD filter."
         least_margin: f64 = 0.0, in -100.0..=100.0; "Margin below which a lost target is not taken up again, whatever its response."
-        opinion: f64 = 0.5, in 0.0..=10.0; "Share of the response that each unit of a negative margin takes away in every frame; 0 asks the detector only for a lost target, as the paper."
+        opinion: f64 = 0.3, in 0.0..=10.0; "Share of the response that each unit of a negative margin takes away in every frame; 0 asks the detector only for a lost target, as the paper."
         interval: i64 = 1, in 1..=1000; "Updates of the filter from one training of the detector to the next."
     }
 }
