@@ -21,10 +21,14 @@ const SEQUENCE: &str = "Girl";
 const TURNED_BACK: usize = 113;
 const UNCOVERED: usize = 441;
 
-/// ETEPF, ET and PF as the paper compares them, with the parameters of each.
+/// ETEPF, ET and PF as the paper compares them, with the parameters of each. Ensemble tracking updates its ensemble, colour
+/// particles keep to the colours of the first frame.
 const METHODS: [(&str, &[(&str, &str)]); 3] = [
     ("ET", &[("etepf.particles.method", "mean_shift")]),
-    ("PF", &[("etepf.particles.method", "particles"), ("etepf.particles.count", "100")]),
+    (
+        "PF",
+        &[("etepf.particles.method", "particles"), ("etepf.particles.count", "100"), ("etepf.update.enabled", "false")],
+    ),
     ("ETEPF", &[]),
 ];
 

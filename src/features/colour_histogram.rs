@@ -65,6 +65,13 @@ impl Histogram {
         Self(counts.map(|n| (n as f32 / pixels).sqrt()))
     }
 
+    /// A histogram whose shares are between those of two: `share` of the way from this one to the other.
+    pub fn mix(&self, other: &Self, share: f64) -> Self {
+        let share = share as f32;
+        let between = |i: usize| ((1.0 - share) * self.0[i] * self.0[i] + share * other.0[i] * other.0[i]).sqrt();
+        Self(std::array::from_fn(between))
+    }
+
     /// The Bhattacharyya coefficient `rho`: 0 where no bin is shared, 1 for equal histograms. The distance of eq 7 is
     /// `sqrt(1 - rho)`.
     pub fn likeness(&self, other: &Self) -> f64 {
@@ -87,6 +94,16 @@ mod tests {
         assert_eq!([bin([0; 3]), bin([128; 3]), bin([255; 3])], [100, 105, 109]);
         assert_eq!(bin([40, 0, 0]), 101, "too dark to be red");
         assert_eq!(bin([200, 190, 190]), 107, "too pale to be red");
+    }
+
+    #[test]
+    fn shares_are_mixed_in_proportion() {
+        let of = |map: &[u8]| Histogram::of(map, 4, [0..4, 0..1]);
+        let (a, b) = (of(&[1, 1, 1, 2]), of(&[2, 2, 3, 3]));
+        let shares = a.mix(&b, 0.25).0.map(|root| root * root);
+        for (bin, want) in [(1, 0.75 * 0.75), (2, 0.75 * 0.25 + 0.25 * 0.5), (3, 0.25 * 0.5), (4, 0.0)] {
+            assert!((shares[bin] - want).abs() < 1e-6, "{bin}: {}", shares[bin]);
+        }
     }
 
     #[test]

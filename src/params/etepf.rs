@@ -73,12 +73,13 @@ group! {
 }
 
 group! {
-    /// The update of the ensemble.
+    /// The update of the ensemble and the colours.
     pub struct EtepfUpdate at "etepf.update." {
-        enabled: bool = true; "Trains the ensemble anew from time to time, while the target is certain; the paper does not."
+        enabled: bool = true; "Trains the ensemble anew and renews the colours from time to time, while the target is certain; the paper does neither."
         interval: i64 = 5, in 1..=1000, unit "frames"; "Frames from one training to the next."
         memory: i64 = 5, in 1..=100; "Frames that are learned from beside the first."
-        first: f64 = 0.5, in 0.0..=1.0; "Share of the first frame in the weight of all examples: it guards against drift."
+        first: f64 = 0.5, in 0.0..=1.0; "Share of the first frame in the weight of all examples, and in the colours: it guards against drift."
+        colours: f64 = 0.2, in 0.0..=1.0; "Weight of a learned frame in the recent colours; 0 keeps those of the first frame."
         contrast: f64 = 0.7, in -20.0..=20.0, unit "of the first frame's"; "Difference of the likelihood means (eq 4) that a frame must show to be learned from."
         similar: f64 = 0.8, in 0.0..=1.0; "Similarity of colour histograms that a frame must show to be learned from."
     }
@@ -95,7 +96,7 @@ groups! {
         particles: EtepfParticles,
         /// The modes TRACK and FIND.
         modes: EtepfModes,
-        /// The update of the ensemble.
+        /// The update of the ensemble and the colours.
         update: EtepfUpdate,
     }
 }

@@ -8,8 +8,8 @@
 //! The mode TRACK is `Tracking` where the likelihood mean of the target is above T1 and `Uncertain` below; FIND is `Lost`.
 //! By default, some things differ from the paper, each of which a parameter takes back: the target must stand out from
 //! its surroundings (eq 4) where the paper weighs its likelihood mean alone, and is lost where it does not; it has a colour
-//! histogram for its upper and one for its lower half; its place settles on a peak of the likelihood image; and the ensemble
-//! is updated while the target is certain.
+//! histogram for its upper and one for its lower half; its place settles on a peak of the likelihood image; and ensemble and
+//! colours are updated while the target is certain.
 //!
 //! | file | what it holds |
 //! |---|---|

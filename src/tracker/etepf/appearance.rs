@@ -7,12 +7,12 @@ use crate::features::colour_histogram::Histogram;
 use crate::features::pixelwise::FEATURES;
 use crate::geometry::Rect;
 use crate::learn::adaboost::Ensemble;
-use crate::params::{EtepfMethod, EtepfParams, EtepfParticles, Observation};
+use crate::params::{EtepfMethod, EtepfParams, EtepfParticles, EtepfUpdate, Observation};
 
 /// Contrast below this counts as this much, so that no place is impossible.
 const LEAST_CONTRAST: f64 = 0.001;
 
-/// The ensemble, what it was trained on, and the colours of the first frame.
+/// The ensemble, what it was trained on, and the colours.
 pub(super) struct Appearance {
     ensemble: Ensemble<FEATURES>,
     learning: Learning,
@@ -26,7 +26,7 @@ pub(super) struct Evidence {
     pub(super) target: f64,
     /// The likelihood mean of what is around it (w_bg).
     pub(super) around: f64,
-    /// How alike its colours are to those of the first frame (rho of eq 7).
+    /// How alike its colours are to those of the target (rho of eq 7).
     pub(super) likeness: f64,
 }
 
@@ -71,27 +71,46 @@ impl Appearance {
         }
     }
 
-    /// Takes the target as the view shows it into the ensemble.
+    /// Takes the target as the view shows it into the ensemble and the colours.
     pub(super) fn update(&mut self, view: &mut View, rect: &Rect, params: &EtepfParams) {
         self.learning.add(view, rect, params);
         self.ensemble = self.learning.train(params);
+        self.colours.update(view, rect, &params.update);
     }
 }
 
 /// Histograms of the parts of the target, one below the other. One histogram of the whole knows nothing of where a colour
 /// is, so that a box may slide along what has its colours (Perez et al., section 3.3).
-struct Colours(Vec<Histogram>);
+struct Colours {
+    /// Of the first frame.
+    first: Vec<Histogram>,
+    /// Of the frames that were learned from, the latest counting most.
+    recent: Vec<Histogram>,
+    /// What places are compared with: both of them, as the ensemble has it.
+    reference: Vec<Histogram>,
+}
 
 impl Colours {
     fn new(view: &View, rect: &Rect, parts: usize) -> Self {
-        Self((0..parts).map(|k| view.histogram(&part(rect, k, parts))).collect())
+        let first: Vec<_> = (0..parts).map(|k| view.histogram(&part(rect, k, parts))).collect();
+        Self { recent: first.clone(), reference: first.clone(), first }
     }
 
     /// The mean likeness of the parts.
     fn likeness(&self, view: &View, rect: &Rect) -> f64 {
-        let parts = self.0.len();
+        let parts = self.reference.len();
         let likeness = |(k, own): (usize, &Histogram)| view.histogram(&part(rect, k, parts)).likeness(own);
-        self.0.iter().enumerate().map(likeness).sum::<f64>() / parts as f64
+        self.reference.iter().enumerate().map(likeness).sum::<f64>() / parts as f64
+    }
+
+    /// Takes in the colours that the view shows.
+    fn update(&mut self, view: &View, rect: &Rect, update: &EtepfUpdate) {
+        let parts = self.first.len();
+        for k in 0..parts {
+            let now = view.histogram(&part(rect, k, parts));
+            self.recent[k] = self.recent[k].mix(&now, update.colours);
+            self.reference[k] = self.recent[k].mix(&self.first[k], update.first);
+        }
     }
 }
 
@@ -153,6 +172,31 @@ mod tests {
             (settings.method, settings.observation) = (method, observation);
             assert!((evidence.likelihood(&settings) - want).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn colours_that_change_are_taken_up_beside_those_of_the_first_frame() {
+        let mut params = Params::default().etepf;
+        (params.update.first, params.update.colours) = (0.4, 0.5);
+        // Parts of two greys, far from each other.
+        let view = |grey: u8| {
+            let data = vec![grey; SIDE * SIDE];
+            let frame = Frame::new(&data, SIDE as u32, SIDE as u32, SIDE, Encoding::Mono8, None).unwrap();
+            let mut view = View::default();
+            view.look(&frame, &mut Cropper::default(), &frame.bounds(), TARGET.size(), &params.features);
+            view
+        };
+        let (dark, light) = (view(40), view(220));
+        let mut colours = Colours::new(&dark, &TARGET, 2);
+        assert_eq!(colours.likeness(&light, &TARGET), 0.0);
+        // Half of what is recent is light, then three quarters; 0.6 of the reference is what is recent.
+        for share in [0.3f64, 0.45] {
+            colours.update(&light, &TARGET, &params.update);
+            assert!((colours.likeness(&light, &TARGET) - share.sqrt()).abs() < 1e-5);
+            assert!((colours.likeness(&dark, &TARGET) - (1.0 - share).sqrt()).abs() < 1e-5);
+        }
+        (0..50).for_each(|_| colours.update(&light, &TARGET, &params.update));
+        assert!((colours.likeness(&dark, &TARGET) - 0.4f64.sqrt()).abs() < 1e-5, "the first frame stays");
     }
 
     #[test]

@@ -3,7 +3,8 @@
 //!
 //! An ensemble is always trained as a whole, on pixels of the first frame and of the latest frames that could be trusted.
 //! The first frame never weighs less than its share, so that what is learned later can refine the ensemble but not replace
-//! it; and frames that fade from memory take their errors with them. That is the guard against drift.
+//! it; and frames that fade from memory take their errors with them. That is the guard against drift. The colours, in
+//! `appearance.rs`, are held likewise.
 
 use std::collections::VecDeque;
 
