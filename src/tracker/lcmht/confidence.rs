@@ -162,7 +162,9 @@ mod tests {
         let [good, poor] = [c.reference, 0.2 * c.reference].map(|r| c.reported(r));
         assert!((good - 1.0 / (1.0 + (-1.2f64).exp())).abs() < 1e-12, "{good}");
         assert!((poor - 1.0 / (1.0 + 0.64f64.exp())).abs() < 1e-12, "{poor}");
-        (0..20).for_each(|_| drop(c.assess(0.05)));
+        for _ in 0..20 {
+            c.assess(0.05);
+        }
         assert!(c.reported(0.05) < 0.05);
         c.settings.calibrated = false;
         assert_eq!(c.reported(0.5 * c.reference), 0.5);
