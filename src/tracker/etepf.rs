@@ -320,8 +320,8 @@ impl Followed {
         }
     }
 
-    /// How sure the box is right. Of boxes that overlap the target by more than 0.3, over all sequences at hand, there is a
-    /// share of 0.46 where this is 0.3 to 0.4, 0.72 from 0.5, 0.83 from 0.7, and 0.98 from 0.9.
+    /// How sure the box is right. The share of boxes that overlap the target by more than one half is near this number: off
+    /// by 0.07 on the average over 26 sequences, as `evaluate` has it.
     fn confidence(&self) -> f64 {
         self.relative_contrast(&self.seen).clamp(0.0, 1.0) * self.seen.likeness
     }
