@@ -16,7 +16,7 @@ fn kilted(scenario: &str, args: &[&str], domain: u32, node: &Node) {
 fn kilted_marks_follows_sees_debug_images_sets_a_parameter_stops_and_restarts() {
     let domain = domain();
     let node = Node::start(domain, &[]);
-    kilted("whole_life", &[&node.id().to_string()], domain, &node);
+    kilted("whole_life", &[&node.id().to_string(), "lcmht"], domain, &node);
     let (code, log) = node.finish();
     assert_eq!(code, Some(0), "{log}");
     assert!(!log.contains("ERROR") && !log.contains("rustdds"), "{log}");
