@@ -61,7 +61,7 @@ fn collect(view: &mut View, rect: &Rect, params: &EtepfParams, most: usize, exam
     let outer = rect.scaled(params.ensemble.surround);
     let target = view.count(rect);
     let ring = view.count(&outer) - target;
-    // Every so manieth pixel of a class; fractions keep the pixels from lining up in columns.
+    // Every n-th pixel of a class; fractions of n keep the pixels from lining up in columns.
     let stride = |pixels: usize| (pixels as f64 / most as f64).max(1.0);
     let strides = [stride(ring), stride(target)];
     let mut seen = [0.0f64; 2];
