@@ -70,6 +70,8 @@ pub trait Trace {
     fn response(&mut self, _map: &ResponseMap) {}
     /// What the re-detector proposes on this frame.
     fn proposals(&mut self, _proposals: &[Proposal]) {}
+    /// What looks like a target and is not: a box in pixels.
+    fn neighbour(&mut self, _rect: Rect) {}
     /// A particle: a box in pixels, and its share of all weight.
     fn particle(&mut self, _rect: Rect, _weight: f64) {}
     /// The mode that the tracker is in, with the window that it searches in.
@@ -103,6 +105,11 @@ impl<A: Trace, B: Trace> Trace for (A, B) {
     fn proposals(&mut self, proposals: &[Proposal]) {
         self.0.proposals(proposals);
         self.1.proposals(proposals);
+    }
+
+    fn neighbour(&mut self, rect: Rect) {
+        self.0.neighbour(rect);
+        self.1.neighbour(rect);
     }
 
     fn particle(&mut self, rect: Rect, weight: f64) {

@@ -50,7 +50,7 @@ pub struct Args {
     /// Where the rows go instead of standard output.
     #[arg(long, value_name = "FILE.csv")]
     output: Option<PathBuf>,
-    /// Writes each frame as DIR/000001.png, ...: left with box, search window, prediction and proposals, right with
+    /// Writes each frame as DIR/000001.png, ...: left with box, search window, prediction, neighbours and proposals, right with
     /// the response map.
     #[arg(long, value_name = "DIR")]
     annotate: Option<PathBuf>,

@@ -24,6 +24,7 @@ const LOST: Rgb<u8> = Rgb([255, 70, 60]);
 const SEARCH_WINDOW: Rgb<u8> = Rgb([90, 170, 255]);
 const PREDICTION: Rgb<u8> = Rgb([255, 255, 255]);
 const PROPOSAL: Rgb<u8> = Rgb([240, 90, 240]);
+const NEIGHBOUR: Rgb<u8> = Rgb([170, 120, 255]);
 const PARTICLE: Rgb<u8> = Rgb([0, 230, 255]);
 /// Side of the dot of a particle, in line thicknesses: of one without weight, and of the heaviest.
 const LIGHT_DOT: f64 = 1.0;
@@ -49,7 +50,7 @@ const VIRIDIS: [[u8; 3]; 9] = [
 ];
 
 /// The frame with the search windows (thin, blue), the mode of each if there are modes, the predictions (dashed, white),
-/// the proposals (magenta), the particles (dots, the larger the heavier) and the box of each target (green: tracking,
+/// the proposals (magenta), what looks like a target (violet, dashed), the particles (dots, the larger the heavier) and the box of each target (green: tracking,
 /// amber: uncertain, red: lost) with a line that gives its state, confidence and id. Thickness and text grow with the
 /// picture, of which no side is longer than `max_side` pixels.
 pub fn annotated(frame: &Frame, output: &Output, scene: &Scene, max_side: u32) -> RgbImage {
@@ -61,6 +62,9 @@ pub fn annotated(frame: &Frame, output: &Output, scene: &Scene, max_side: u32) -
     }
     for proposal in &scene.proposals {
         pen.thin().outline(&mut image, &place(&proposal.rect), PROPOSAL);
+    }
+    for neighbour in &scene.neighbours {
+        pen.thin().dashed(&mut image, &place(neighbour), NEIGHBOUR);
     }
     for prediction in &scene.predictions {
         pen.thin().dashed(&mut image, &place(prediction), PREDICTION);
@@ -274,6 +278,7 @@ mod tests {
         scene.search_window(window);
         scene.prediction(Rect::new(80.0, 50.0, 20.0, 20.0));
         scene.proposals(&[Proposal { rect: Rect::new(60.0, 80.0, 20.0, 20.0), score: 1.0 }]);
+        scene.neighbour(Rect::new(150.0, 80.0, 20.0, 20.0));
         scene.particle(Rect::new(70.0, 40.0, 20.0, 20.0), 0.8);
         scene.particle(Rect::new(110.0, 40.0, 20.0, 20.0), 0.0);
         let image = annotated(&frame(&data), &Output::default(), &scene, FULL);
@@ -283,7 +288,7 @@ mod tests {
             n
         });
         assert!(0 < light && light < heavy, "{light} and {heavy} pixels");
-        for colour in [SEARCH_WINDOW, PREDICTION, PROPOSAL] {
+        for colour in [SEARCH_WINDOW, PREDICTION, PROPOSAL, NEIGHBOUR] {
             assert!(extent(&image, colour).is_some());
         }
         let drawn = extent(&image, SEARCH_WINDOW).unwrap();

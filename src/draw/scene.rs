@@ -11,6 +11,7 @@ pub struct Scene {
     pub(super) search_windows: Vec<Rect>,
     pub(super) predictions: Vec<Rect>,
     pub(super) proposals: Vec<Proposal>,
+    pub(super) neighbours: Vec<Rect>,
     /// Boxes with their weights.
     pub(super) particles: Vec<(Rect, f64)>,
     /// Names with the windows that they are of.
@@ -36,6 +37,7 @@ impl Scene {
         self.search_windows.clear();
         self.predictions.clear();
         self.proposals.clear();
+        self.neighbours.clear();
         self.particles.clear();
         self.modes.clear();
         self.maps.clear();
@@ -74,6 +76,10 @@ impl Trace for Scene {
 
     fn proposals(&mut self, proposals: &[Proposal]) {
         self.proposals.extend_from_slice(proposals);
+    }
+
+    fn neighbour(&mut self, rect: Rect) {
+        self.neighbours.push(rect);
     }
 
     fn particle(&mut self, rect: Rect, weight: f64) {

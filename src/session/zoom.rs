@@ -88,6 +88,10 @@ impl Trace for Zoomed<'_> {
         self.trace.proposals(&proposals.iter().map(stretch).collect::<Vec<_>>());
     }
 
+    fn neighbour(&mut self, rect: Rect) {
+        self.trace.neighbour(stretched(rect, self.factors));
+    }
+
     fn particle(&mut self, rect: Rect, weight: f64) {
         self.trace.particle(stretched(rect, self.factors), weight);
     }

@@ -194,6 +194,7 @@ impl Followed {
         self.judged = answer.response * self.opinion(&answer, frame, cropper);
         self.confidence.assess(self.judged);
         self.watch_neighbours(&answer, frame, cropper);
+        self.neighbours.show(self.rect.size(), trace);
         self.rect = Rect::around(self.place(&answer, expected, frame), self.rect.size());
 
         if self.confidence.state() == State::Lost {

@@ -8,8 +8,9 @@
 //! Lengths count in target sizes, the root of the target's area.
 
 use super::appearance::Answer;
-use crate::geometry::distance;
+use crate::geometry::{Rect, distance};
 use crate::params::LcmhtNeighbours;
+use crate::trace::Trace;
 
 /// Distance within which a peak goes on with a neighbour, and within which a neighbour is where the target is.
 const REACH: f64 = 0.5;
@@ -78,6 +79,11 @@ impl Neighbours {
             (fit(n, place) / left).ln().max(0.0)
         };
         self.established().map(loss).fold(0.0, f64::max)
+    }
+
+    /// Shows those that explain peaks, as boxes of the target's size.
+    pub(super) fn show(&self, size: [f64; 2], trace: &mut dyn Trace) {
+        self.established().for_each(|n| trace.neighbour(Rect::around(n.centre, size)));
     }
 
     /// Whether a neighbour is where `place` is.
