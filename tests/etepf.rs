@@ -1,6 +1,6 @@
 //! ETEPF in a session, on scenes made here: what a user of the node meets.
 
-use long_term_tracker::params::{Phase, Value};
+use long_term_tracker::params::{Phase, Range, Value, descriptors};
 use long_term_tracker::trace::{ResponseMap, Trace};
 use long_term_tracker::{Encoding, Frame, Output, Params, Rect, Session, State, Target};
 
@@ -212,7 +212,7 @@ fn the_smallest_images_and_targets_are_followed() {
         (60, 5, Rect::new(50.0, 0.0, 12.0, 5.0)),
         (1000, 6, Rect::new(900.0, 1.0, 40.0, 4.0)),
     ] {
-        let mut session = session(&[("etepf.update.enabled", Value::Bool(true))]);
+        let mut session = session(&[]);
         for n in 0..30 {
             let data: Vec<u8> = (0..w * h).map(|i| ((i * i * 31 + i * 17 + n * 40) % 251) as u8).collect();
             let frame = Frame::new(&data, w, h, w as usize, Encoding::Mono8, None).unwrap();
@@ -233,7 +233,7 @@ fn the_smallest_images_and_targets_are_followed() {
 }
 
 #[test]
-fn every_parameter_may_change_while_a_target_is_followed() {
+fn a_target_is_held_while_parameters_change() {
     let mut session = session(&[]);
     session.start(&rgb(&scene(0)), target(0), &mut ()).unwrap();
     let changes = [
@@ -244,7 +244,7 @@ fn every_parameter_may_change_while_a_target_is_followed() {
         ("etepf.particles.history", Value::Integer(2)),
         ("etepf.particles.parts", Value::Integer(3)),
         ("etepf.particles.observation", Value::String("mean".into())),
-        ("etepf.update.enabled", Value::Bool(true)),
+        ("etepf.update.interval", Value::Integer(2)),
         ("etepf.update.memory", Value::Integer(1)),
         ("etepf.particles.count", Value::Integer(5)),
         ("etepf.particles.method", Value::String("mean_shift".into())),
@@ -259,6 +259,76 @@ fn every_parameter_may_change_while_a_target_is_followed() {
         assert!(said.rect.iou(&target(n)) > 0.4, "frame {n}: {}", said.rect);
         assert_eq!(said.age, n as u32);
     }
+}
+
+/// Stripes that go down, among stripes of the same greys that go across: without a neighbourhood, only edges tell them apart.
+#[test]
+fn what_is_learned_anew_is_measured_by_itself() {
+    let paint = |n: usize| -> Vec<u8> {
+        let Rect { x: left, y: top, .. } = target(n);
+        let pixel = |x: usize, y: usize| {
+            let (u, v) = (x as f64 - left, y as f64 - top);
+            let inside = (0.0..SIDE).contains(&u) && (0.0..SIDE).contains(&v);
+            if (if inside { u as usize } else { y }) / 4 % 2 == 0 { 60 } else { 160 }
+        };
+        (0..WIDTH * HEIGHT).map(|i| pixel(i % WIDTH, i / WIDTH)).collect()
+    };
+    let mut session = session(&[]);
+    let mut contrast = 0.0;
+    for n in 0..40 {
+        let data = paint(n);
+        let frame = Frame::new(&data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
+        if n == 0 {
+            session.start(&frame, target(0), &mut ()).unwrap();
+            continue;
+        }
+        if n == 15 {
+            let narrow = session.params().with([("etepf.features.radius", &Value::Integer(0))], Phase::Running);
+            session.retune(narrow.unwrap()).unwrap();
+        }
+        let said = step(&mut session, &frame);
+        if n == 14 {
+            contrast = said.response;
+        }
+        assert!(said.rect.iou(&target(n)) > 0.5, "frame {n}: {}", said.rect);
+        assert!(said.confidence > 0.8, "frame {n}: {}", said.confidence);
+    }
+    let now = session.output().targets[0].response;
+    assert!(now < 0.8 * contrast, "the features tell less: {now}, and {contrast} before");
+}
+
+/// The extremes of all ranges and all choices, set in mid-track, and in force at another mark.
+#[test]
+fn no_value_that_a_parameter_may_have_breaks_a_track() {
+    // Gone for a frame, and back.
+    let scenes: Vec<Vec<u8>> = (0..11).map(|n| scene(if n == 5 { 60 } else { n })).collect();
+    let extremes = descriptors().iter().filter(|d| d.name.starts_with("etepf.")).flat_map(|d| {
+        let values = match d.range {
+            Some(Range::Integer(low, high)) => vec![Value::Integer(low), Value::Integer(high)],
+            Some(Range::Double(low, high)) => vec![Value::Double(low), Value::Double(high)],
+            None if d.choices.is_empty() => vec![Value::Bool(false), Value::Bool(true)],
+            None => d.choices.iter().map(|choice| Value::String((*choice).to_owned())).collect(),
+        };
+        values.into_iter().map(|value| (d.name, value))
+    });
+    let mut tried = 0;
+    for (name, value) in extremes {
+        let mut session = session(&[]);
+        session.start(&rgb(&scenes[0]), target(0), &mut ()).unwrap();
+        for n in 1..scenes.len() {
+            match n {
+                3 => session.retune(session.params().with([(name, &value)], Phase::Running).unwrap()).unwrap(),
+                8 => _ = session.start(&rgb(&scenes[7]), target(7), &mut ()).unwrap(),
+                _ => (),
+            }
+            let said = step(&mut session, &rgb(&scenes[n]));
+            assert!(said.rect.is_finite() && said.rect.area() > 0.0, "{name} {value}: {}", said.rect);
+            assert!((0.0..=1.0).contains(&said.confidence), "{name} {value}: {}", said.confidence);
+            assert!(said.velocity.iter().all(|v| v.is_finite()), "{name} {value}: {:?}", said.velocity);
+        }
+        tried += 1;
+    }
+    assert!(tried > 60, "{tried}");
 }
 
 #[derive(Default)]

@@ -79,7 +79,7 @@ struct Followed {
     state: State,
     /// What is seen there.
     seen: Evidence,
-    /// How much it stood out in the first frame (diff, eq 4).
+    /// How much it stood out in the frame that it was learned in, the first (diff, eq 4).
     contrast: f64,
     age: u32,
     lost_for: u32,
@@ -339,10 +339,12 @@ impl Followed {
         self.params.features != params.features || self.params.particles.parts != params.particles.parts
     }
 
-    /// Learns the target anew, as it is in this frame.
+    /// Learns the target anew, as it is in this frame, by which it is measured from now on.
     fn relearn(&mut self, params: &EtepfParams, frame: &Frame, scratch: &mut Scratch) {
         self.params = params.clone();
         self.appearance = scratch.learn(frame, &self.rect(&self.place), params);
+        self.seen = self.evidence(&scratch.view, &self.place);
+        self.contrast = self.seen.contrast();
     }
 
     fn rect(&self, place: &Place) -> Rect {
