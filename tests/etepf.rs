@@ -261,6 +261,23 @@ fn a_target_is_held_while_parameters_change() {
     }
 }
 
+/// Every part is half a pixel high.
+#[test]
+fn a_target_has_a_colour_in_parts_too_small_for_a_pixel() {
+    let mark = Rect::new(40.0, 40.0, 12.0, 4.0);
+    let pixel = |x: usize, y: usize| {
+        if (40..52).contains(&x) && (40..44).contains(&y) { 200 } else { 60 + ((x * 7919 + y * 104_729) % 30) as u8 }
+    };
+    let data: Vec<u8> = (0..WIDTH * HEIGHT).map(|i| pixel(i % WIDTH, i / WIDTH)).collect();
+    let frame = Frame::new(&data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
+    let mut session = session(&[("etepf.particles.parts", Value::Integer(8))]);
+    session.start(&frame, mark, &mut ()).unwrap();
+    for n in 0..20 {
+        let said = step(&mut session, &frame);
+        assert!(said.state == State::Tracking && said.rect.iou(&mark) > 0.5, "{n}: {:?} {}", said.state, said.rect);
+    }
+}
+
 /// Stripes that go down, among stripes of the same greys that go across: without a neighbourhood, only edges tell them apart.
 #[test]
 fn what_is_learned_anew_is_measured_by_itself() {

@@ -88,18 +88,20 @@ impl View {
     }
 
     /// The likelihood mean around a box, within the image and within `surround` times its sides (w_bg of eq 4); 0 where
-    /// there is nothing around it.
+    /// not a whole pixel is around it.
     pub(super) fn mean_around(&self, rect: &Rect, surround: f64) -> f64 {
         let (inner, outer) = (self.place(rect), self.place(&rect.scaled(surround)));
         let map = self.map();
         let area = |place: &Rect| place.intersection(&map.bounds()).area();
         let around = area(&outer) - area(&inner);
-        if around > 0.0 { ((map.sum(&outer) - map.sum(&inner)) / around).clamp(0.0, 1.0) } else { 0.0 }
+        if around >= 1.0 { ((map.sum(&outer) - map.sum(&inner)) / around).clamp(0.0, 1.0) } else { 0.0 }
     }
 
-    /// The colours of a box, as far as it is within the image.
+    /// The colours of a box, as far as it is within the image. One smaller than a pixel has that of a pixel.
     pub(super) fn histogram(&self, rect: &Rect) -> Histogram {
-        Histogram::of(&self.bins, self.patch.width, self.place(rect).pixels(self.shape()))
+        let place = self.place(rect);
+        let place = Rect::around(place.centre(), place.size().map(|side| side.max(1.0)));
+        Histogram::of(&self.bins, self.patch.width, place.pixels(self.shape()))
     }
 
     /// Where the centre of a box comes to rest that climbs in the likelihood image, after so many steps at most.
@@ -199,6 +201,20 @@ mod tests {
         assert!((view.mean(&Rect::new(-4.0, 8.0, 8.0, 6.0)) - inside / 48.0).abs() < 1e-6);
         assert_eq!(view.mean(&Rect::new(-50.0, 8.0, 8.0, 6.0)), 0.0);
         assert_eq!(view.mean_around(&Rect::new(-50.0, 8.0, 8.0, 6.0), 2.0), 0.0);
+        // Around the whole image, there is what rounding leaves.
+        let whole = Rect::new(1e-13, -1e-13, WIDTH as f64 - 3e-13, HEIGHT as f64);
+        assert_eq!(view.mean_around(&whole, 2.0), 0.0);
+    }
+
+    #[test]
+    fn a_box_between_the_centres_of_pixels_has_the_colour_of_one() {
+        let view = view(&frame(&data()).bounds(), 2500);
+        for y in [8.0, 8.3, 8.6, 9.0] {
+            let thin = view.histogram(&Rect::new(10.0, y, 8.0, 0.4));
+            let row = |y: f64| view.histogram(&Rect::new(10.0, y, 8.0, 1.0));
+            assert!(thin == row(8.0) || thin == row(9.0), "{y}");
+            assert!((thin.likeness(&thin) - 1.0).abs() < 1e-6, "{y}");
+        }
     }
 
     #[test]
