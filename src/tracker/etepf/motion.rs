@@ -1,6 +1,8 @@
 //! The adaptive first-order motion model (eq 6): the target is somewhere around where it was, the farther the faster it
 //! moved of late. While it is lost, it may be farther away with every frame.
 
+use std::collections::VecDeque;
+
 use crate::filter::Vector;
 use crate::frame::{Frame, MIN_TARGET_SIDE};
 use crate::geometry::Rect;
@@ -14,10 +16,8 @@ const DEVIATIONS: f64 = 4.0;
 
 /// What is remembered of the last steps.
 pub(super) struct Motion {
-    /// Steps of the centre in a frame period, a ring.
-    steps: Vec<[f64; 2]>,
-    /// The oldest of them, once there are as many as are wanted.
-    oldest: usize,
+    /// Steps of the centre in a frame period, the oldest in front.
+    steps: VecDeque<[f64; 2]>,
     /// Growth of the noise, above 1 while the target is lost.
     widening: f64,
 }
@@ -25,7 +25,7 @@ pub(super) struct Motion {
 impl Motion {
     /// Of a target that has stood still.
     pub(super) fn new() -> Self {
-        Self { steps: Vec::new(), oldest: 0, widening: 1.0 }
+        Self { steps: VecDeque::new(), widening: 1.0 }
     }
 
     /// The standard deviations of a step over `dt` frame periods: the diagonal of `C`. Those of the centre are the root
@@ -42,18 +42,10 @@ impl Motion {
 
     /// The target has moved by `step` pixels over `dt` frame periods.
     pub(super) fn moved(&mut self, step: [f64; 2], dt: f64, particles: &EtepfParticles) {
-        let length = particles.history as usize;
-        if self.steps.len() > length {
-            self.steps.clear();
+        while self.steps.len() >= particles.history as usize {
+            self.steps.pop_front();
         }
-        let step = step.map(|s| s / dt);
-        if self.steps.len() < length {
-            self.steps.push(step);
-            self.oldest = 0;
-        } else {
-            self.steps[self.oldest] = step;
-            self.oldest = (self.oldest + 1) % length;
-        }
+        self.steps.push_back(step.map(|s| s / dt));
         self.widening = 1.0;
     }
 
@@ -73,7 +65,8 @@ impl Motion {
     /// The mean of the last steps, in pixels a frame period.
     pub(super) fn velocity(&self) -> [f64; 2] {
         let count = self.steps.len().max(1) as f64;
-        [0, 1].map(|axis| self.steps.iter().map(|step| step[axis]).sum::<f64>() / count)
+        // From a zero without a sign: the sum of nothing is -0.
+        [0, 1].map(|axis| self.steps.iter().fold(0.0, |sum, step| sum + step[axis]) / count)
     }
 }
 
@@ -133,9 +126,20 @@ mod tests {
         assert!((noise(&motion, 1.0)[0] - want).abs() < 1e-12);
         (0..history).for_each(|_| motion.moved([0.0, 0.0], 1.0, &settings));
         assert_eq!(noise(&motion, 1.0)[0], least_noise, "what is older is forgotten");
-        let shorter = EtepfParticles { history: 2, ..settings };
-        (0..3).for_each(|_| motion.moved([8.0, 0.0], 1.0, &shorter));
-        assert_eq!((noise(&motion, 1.0)[0], motion.steps.len()), (8.0, 2));
+    }
+
+    #[test]
+    fn the_latest_steps_are_kept_when_other_numbers_of_them_are_wanted() {
+        let settings = |history| EtepfParticles { history, ..Params::default().etepf.particles };
+        let mut motion = Motion::new();
+        assert!(motion.velocity().iter().all(|v| *v == 0.0 && v.is_sign_positive()));
+        let mut go = |steps: std::ops::RangeInclusive<i32>, history| {
+            steps.for_each(|n| motion.moved([f64::from(n), 0.0], 1.0, &settings(history)));
+            motion.velocity()[0]
+        };
+        assert_eq!(go(1..=7, 5), (3 + 4 + 5 + 6 + 7) as f64 / 5.0);
+        assert_eq!(go(8..=9, 6), (4 + 5 + 6 + 7 + 8 + 9) as f64 / 6.0, "the oldest goes first");
+        assert_eq!(go(10..=10, 2), 9.5, "the latest stay");
     }
 
     #[test]
