@@ -261,6 +261,23 @@ fn a_target_is_held_while_parameters_change() {
     }
 }
 
+/// Nothing is trained from frame to frame here.
+#[test]
+fn another_number_of_classifiers_takes_effect_at_once() {
+    let mut session = session(&[("etepf.update.enabled", Value::Bool(false))]);
+    session.start(&rgb(&scene(0)), target(0), &mut ()).unwrap();
+    let mut peak = |n: usize, classifiers: i64| {
+        let wanted = Value::Integer(classifiers);
+        let changed = session.params().with([("etepf.ensemble.classifiers", &wanted)], Phase::Running).unwrap();
+        session.retune(changed).unwrap();
+        let mut seen = Seen::default();
+        session.step(&rgb(&scene(n)), &mut seen);
+        seen.peak
+    };
+    let [five, one, again] = [peak(1, 5), peak(2, 1), peak(3, 5)];
+    assert!(one < five && five == again, "the more say yes, the likelier: {one} {five} {again}");
+}
+
 /// Every part is half a pixel high.
 #[test]
 fn a_target_has_a_colour_in_parts_too_small_for_a_pixel() {

@@ -328,10 +328,11 @@ impl Followed {
 
     /// Takes over parameters; those that what is learned depends on wait until it can be learned again.
     fn retune(&mut self, params: &EtepfParams) {
-        let Self { params: own, .. } = self;
-        let (features, parts) = (own.features.clone(), own.particles.parts);
-        *own = params.clone();
-        (own.features, own.particles.parts) = (features, parts);
+        let old = std::mem::replace(&mut self.params, params.clone());
+        (self.params.features, self.params.particles.parts) = (old.features, old.particles.parts);
+        if old.ensemble.classifiers != params.ensemble.classifiers {
+            self.appearance.retrain(&self.params);
+        }
     }
 
     /// Whether these parameters need another ensemble and other colours than there are.

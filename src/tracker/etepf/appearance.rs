@@ -71,10 +71,15 @@ impl Appearance {
         }
     }
 
+    /// Trains the ensemble anew on what it was trained on.
+    pub(super) fn retrain(&mut self, params: &EtepfParams) {
+        self.ensemble = self.learning.train(params);
+    }
+
     /// Takes the target as the view shows it into the ensemble and the colours.
     pub(super) fn update(&mut self, view: &mut View, rect: &Rect, params: &EtepfParams) {
         self.learning.add(view, rect, params);
-        self.ensemble = self.learning.train(params);
+        self.retrain(params);
         self.colours.update(view, rect, &params.update);
     }
 }
@@ -197,6 +202,20 @@ mod tests {
         }
         (0..50).for_each(|_| colours.update(&light, &TARGET, &params.update));
         assert!((colours.likeness(&dark, &TARGET) - 0.4f64.sqrt()).abs() < 1e-5, "the first frame stays");
+    }
+
+    #[test]
+    fn another_number_of_classifiers_is_trained_on_what_was_learned_before() {
+        let mut params = Params::default().etepf;
+        let data: Vec<u8> = data().iter().enumerate().map(|(i, v)| v ^ (i * 7919 % 251) as u8).collect();
+        let frame = Frame::new(&data, SIDE as u32, SIDE as u32, 3 * SIDE, Encoding::Rgb8, None).unwrap();
+        let mut view = View::default();
+        view.look(&frame, &mut Cropper::default(), &frame.bounds(), TARGET.size(), &params.features);
+        let mut appearance = Appearance::new(&mut view, &TARGET, &params);
+        let five = appearance.ensemble().classifiers().to_vec();
+        params.ensemble.classifiers = 2;
+        appearance.retrain(&params);
+        assert_eq!((five.len(), appearance.ensemble().classifiers()), (5, &five[..2]));
     }
 
     #[test]
