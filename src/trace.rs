@@ -45,7 +45,7 @@ pub struct ResponseMap<'a> {
     /// Number of columns.
     pub cols: usize,
     /// The part of the frame that the map covers, in pixels. The value of a cell is the response to a target
-    /// centred in that cell.
+    /// centred in that cell; of ETEPF, how likely the cell itself is part of the target.
     pub window: Rect,
 }
 

@@ -61,7 +61,7 @@ group! {
 group! {
     /// The modes TRACK and FIND.
     pub struct EtepfModes at "etepf.modes." {
-        certain: f64 = 0.5, in 0.0..=1.0; "Likelihood mean above which the target is certain (T1)."
+        certain: f64 = 0.5, in 0.0..=1.0; "Likelihood mean above which the target is certain, and which a lost one must have to be taken up again (T1)."
         lost: f64 = 0.1, in 0.0..=1.0; "Likelihood mean below which it is lost (T2): the mode is FIND."
         lost_contrast: f64 = 0.25, in -20.0..=20.0, unit "of the first frame's"; "Difference of the likelihood means (eq 4) below which it is lost; -20 leaves that to T2, as in the paper."
         lost_similar: f64 = 0.4, in 0.0..=1.0; "Similarity of colour histograms below which it is lost; 0 in the paper."

@@ -9,7 +9,9 @@
 //! By default, some things differ from the paper, each of which a parameter takes back: the target must stand out from
 //! its surroundings (eq 4) where the paper weighs its likelihood mean alone, and is lost where it does not; it has a colour
 //! histogram for its upper and one for its lower half; its place settles on a peak of the likelihood image; and ensemble and
-//! colours are updated while the target is certain.
+//! colours are updated while the target is certain. What FIND does is ours for good: the paper says only that nothing is
+//! resampled. Each frame draws the particles anew around where the target was last, the farther the longer it is lost; the
+//! heaviest of them is the one place that may be it, and it is if the likelihood mean there is above T1, where the paper has T2.
 //!
 //! | file | what it holds |
 //! |---|---|
