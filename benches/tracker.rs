@@ -13,7 +13,7 @@ use long_term_tracker::features::cnn::{self, Cnn};
 use long_term_tracker::features::colour_names;
 use long_term_tracker::features::hog::Hog;
 use long_term_tracker::features::layers::{Extractor, Feature, LayerSpec, Source};
-use long_term_tracker::params::Inference;
+use long_term_tracker::params::{Inference, Phase, Value};
 use long_term_tracker::{Encoding, Frame, Params, Rect, Session, State};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -45,17 +45,18 @@ fn texture(seed: u64, width: usize, height: usize) -> Vec<u8> {
 fn video() -> Vec<Vec<u8>> {
     let ground = texture(1, WIDTH, HEIGHT);
     let figure = texture(2, 40, 80);
-    (0..PERIOD)
-        .map(|k| {
-            let mut data = ground.clone();
-            let (x, y) = (target(k).x.round() as usize, target(k).y.round() as usize);
-            for (row, line) in figure.chunks_exact(3 * 40).enumerate() {
-                let at = 3 * ((y + row) * WIDTH + x);
-                data[at..at + line.len()].copy_from_slice(line);
-            }
-            data
-        })
-        .collect()
+    let place = |k: usize| [target(k).x, target(k).y].map(|v| v.round() as usize);
+    (0..PERIOD).map(|k| drawn(&ground, WIDTH, &figure, 40, place(k))).collect()
+}
+
+/// A figure, `side` wide, over a ground, `width` wide, with its top left corner at `[x, y]`.
+fn drawn(ground: &[u8], width: usize, figure: &[u8], side: usize, [x, y]: [usize; 2]) -> Vec<u8> {
+    let mut data = ground.to_vec();
+    for (row, line) in figure.chunks_exact(3 * side).enumerate() {
+        let at = 3 * ((y + row) * width + x);
+        data[at..at + line.len()].copy_from_slice(line);
+    }
+    data
 }
 
 fn frame(data: &[u8]) -> Frame<'_> {
@@ -146,5 +147,34 @@ fn step(c: &mut Criterion) {
     assert!(found.state == State::Tracking && found.rect.iou(&target(k)) > 0.5, "{found:?} was not on the target");
 }
 
-criterion_group!(benches, features, filter, network, step);
+/// Steps without the network: of the same target in images of any size, and of targets of any size in the same image. All
+/// move by a pixel a frame.
+fn sizes(c: &mut Criterion) {
+    let params = Params::default().with([("lcmht.cnn.enabled", &Value::Bool(false))], Phase::StartUp);
+    let params = params.expect("the network can be left out");
+    let images = [[320, 240], [640, 480], [1280, 720], [1920, 1080], [3840, 2160]];
+    let images = images.map(|image| (format!("image/{}x{}", image[0], image[1]), image, 40));
+    let targets = [20, 40, 80, 160].map(|side| (format!("target/{side}"), [1280, 960], side));
+    for (name, [width, height], side) in images.into_iter().chain(targets) {
+        let (ground, figure) = (texture(1, width, height), texture(2, side, side));
+        let video: Vec<Vec<u8>> = (0..8).map(|k| drawn(&ground, width, &figure, side, [40 + k, 40])).collect();
+        let frame = |k: usize| {
+            let data = &video[if k % 14 < 8 { k % 14 } else { 14 - k % 14 }];
+            Frame::new(data, width as u32, height as u32, 3 * width, Encoding::Rgb8, None).expect("the layout fits")
+        };
+        let mut session = Session::new(params.clone()).expect("no file is named");
+        let start = Rect::new(40.0, 40.0, side as f64, side as f64);
+        session.start(&frame(0), start, &mut ()).expect("the target is in view");
+        let mut k = 0;
+        c.bench_function(&format!("step/{name}"), |b| {
+            b.iter(|| {
+                k += 1;
+                session.step(&frame(k), &mut ()).targets[0].rect
+            })
+        });
+        assert_eq!(session.output().targets[0].state, State::Tracking, "{name}");
+    }
+}
+
+criterion_group!(benches, features, filter, network, step, sizes);
 criterion_main!(benches);

@@ -18,6 +18,8 @@ pub(super) struct Border {
     /// Row-major, `stride` numbers a row.
     inverse: Vec<f64>,
     stride: usize,
+    /// The row of a member that goes.
+    pivot: Vec<f64>,
 }
 
 impl Border {
@@ -84,15 +86,17 @@ impl Border {
         let place = self.place(i);
         let (last, stride) = (self.members.len(), self.stride);
         self.members.swap_remove(place - 1);
-        let pivot: Vec<f64> = self.inverse[place * stride..][..=last].to_vec();
-        for (k, row) in self.inverse.chunks_exact_mut(stride).enumerate().take(last + 1) {
+        let Self { inverse, pivot, .. } = self;
+        pivot.clear();
+        pivot.extend_from_slice(&inverse[place * stride..][..=last]);
+        for (k, row) in inverse.chunks_exact_mut(stride).enumerate().take(last + 1) {
             let factor = pivot[k] / pivot[place];
-            for (r, p) in row.iter_mut().zip(&pivot) {
+            for (r, p) in row.iter_mut().zip(&*pivot) {
                 *r -= factor * p;
             }
             row[place] = row[last];
         }
-        self.inverse.copy_within(last * stride..last * stride + last, place * stride);
+        inverse.copy_within(last * stride..last * stride + last, place * stride);
     }
 
     /// Follows an example from index `from` to index `to`.

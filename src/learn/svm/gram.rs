@@ -14,11 +14,13 @@ pub(super) struct Gram {
     gamma: f64,
     features: Vec<f32>,
     rows: Vec<Vec<f64>>,
+    /// The row of the example that went last, for the next one.
+    spare: Vec<f64>,
 }
 
 impl Gram {
     pub(super) fn new(dim: usize, gamma: f64) -> Self {
-        Self { dim, gamma, features: Vec::new(), rows: Vec::new() }
+        Self { dim, gamma, features: Vec::new(), rows: Vec::new(), spare: Vec::new() }
     }
 
     pub(super) fn dim(&self) -> usize {
@@ -49,7 +51,9 @@ impl Gram {
 
     /// Appends an example; its row of the kernel matrix.
     pub(super) fn push(&mut self, x: &[f32]) -> &[f64] {
-        let mut row: Vec<f64> = (0..self.len()).map(|i| self.kernel(i, x)).collect();
+        let mut row = std::mem::take(&mut self.spare);
+        row.clear();
+        row.extend((0..self.len()).map(|i| self.kernel(i, x)));
         for (other, &k) in self.rows.iter_mut().zip(&row) {
             other.push(k);
         }
@@ -61,7 +65,7 @@ impl Gram {
 
     /// Takes example `i` out; the last one moves into its place.
     pub(super) fn swap_remove(&mut self, i: usize) {
-        self.rows.swap_remove(i);
+        self.spare = self.rows.swap_remove(i);
         for row in &mut self.rows {
             row.swap_remove(i);
         }
