@@ -93,6 +93,7 @@ fn filter(c: &mut Criterion) {
         let mut fft = Fft2::new(cells, cells);
         let mut extractor = Extractor::fit(&specs, None, cells, cells, &frame, &window, &mut cropper);
         let mut sample = Sample::default();
+        extractor.extract(&frame, &window, &mut cropper, &mut fft, &mut sample);
         c.bench_function(&format!("extract/{cells}"), |b| {
             b.iter(|| extractor.extract(black_box(&frame), &window, &mut cropper, &mut fft, &mut sample))
         });
