@@ -4,6 +4,8 @@
 //! |---|---|
 //! | `online.rs` | the detector that learns one target while it is followed and looks for it when it is lost |
 //! | `mean_shift.rs` | boxes that climb to the tops of a map |
+//! | `background.rs` | what moves: each pixel's colours as a mixture of Gaussians |
 
+pub mod background;
 pub mod mean_shift;
 pub mod online;

@@ -1,0 +1,523 @@
+//! What moves: an adaptive mixture of Gaussians for each pixel's colour (KaewTraKulPong and Bowden, *An improved adaptive
+//! background mixture model for real-time tracking with shadow detection*, 2002; after Stauffer and Grimson, CVPR 1999).
+//!
+//! A pixel's colour is explained by K Gaussians, each with a weight, a mean colour and one variance for all planes. A
+//! colour belongs to the first Gaussian that it fits, in the order of weight over deviation, and that one learns it; a
+//! colour that fits none takes the place of the last. The first Gaussians whose weights together exceed a share T are the
+//! background. What belongs to another one is foreground, unless it is a background darkened by a shadow.
+//!
+//! Learning is one rule. With `a = 1 / min(n, L)` in frame `n`, the weight of the Gaussian that the colour belongs to goes
+//! up by `a (1 - w)`, the others' go down by `a w`, and the mean and the variance learn at the rate `a / w`. In the first
+//! L frames that rate is one over the number of colours which the Gaussian has had: the expected sufficient statistics.
+//! Afterwards it is the paper's L-recent window.
+//!
+//! Distances are root mean squares over the planes, so that grey is measured as a colour of three equal planes.
+//!
+//! Pixels are worked on eight at a time without branches, or else this would take most of a frame's time.
+
+use multiversion::multiversion;
+
+use crate::crop::Patch;
+
+/// Pixels of a block.
+const LANES: usize = 8;
+/// The most Gaussians a pixel may have.
+pub const MAX_GAUSSIANS: usize = 5;
+const PLANES: usize = 3;
+
+/// A number for each pixel of a block.
+type Lanes = [f32; LANES];
+
+/// How the background is learned and told from the rest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BackgroundSettings {
+    /// Gaussians of a pixel, K: 2 to [`MAX_GAUSSIANS`].
+    pub gaussians: usize,
+    /// Frames that count, L: what stands still for about `L (1 - T)` frames becomes background.
+    pub window: usize,
+    /// The share of time that the background is seen, T: 0 to 1.
+    pub share: f64,
+    /// Within so many standard deviations a colour fits a Gaussian.
+    pub deviations: f64,
+    /// Standard deviation of a new Gaussian, in intensities.
+    pub initial_deviation: f64,
+    /// The least standard deviation, in intensities: the camera's noise.
+    pub least_deviation: f64,
+    /// A shadow leaves at least this share of the background's brightness, 0 to 1; 1 looks for none. Pictures without
+    /// colour never have any: there, only its colour could tell a shadow from something dark.
+    pub shadow: f64,
+}
+
+/// K, L, the share and the deviations are the paper's and its usual implementations'; those in intensities suit 8-bit video.
+impl Default for BackgroundSettings {
+    fn default() -> Self {
+        Self {
+            gaussians: 4,
+            window: 200,
+            share: 0.7,
+            deviations: 2.5,
+            initial_deviation: 15.0,
+            least_deviation: 4.0,
+            shadow: 0.6,
+        }
+    }
+}
+
+/// One Gaussian of each pixel of a block.
+#[derive(Clone, Copy, Debug)]
+struct Gaussian {
+    weight: Lanes,
+    mean: [Lanes; PLANES],
+    variance: Lanes,
+}
+
+impl Gaussian {
+    /// One that has never been seen.
+    const NONE: Self = Self { weight: [0.0; LANES], mean: [[0.0; LANES]; PLANES], variance: [1.0; LANES] };
+}
+
+/// The numbers of a frame that are the same for all pixels.
+#[derive(Clone, Copy, Debug)]
+struct Rule {
+    /// `a` of the header.
+    rate: f32,
+    share: f32,
+    /// Squared, as the next two.
+    deviations: f32,
+    initial: f32,
+    least: f32,
+    shadow: f32,
+}
+
+/// The model of a stream's background.
+#[derive(Clone, Debug)]
+pub struct Background {
+    settings: BackgroundSettings,
+    /// Width, height and planes of the patches learned from.
+    shape: [usize; 3],
+    frames: usize,
+    /// `blocks x gaussians`; the pixels of a block follow each other, row-major.
+    model: Vec<Gaussian>,
+}
+
+impl Background {
+    /// A model that has seen nothing.
+    ///
+    /// # Panics
+    /// If the number of Gaussians is none of 2 to [`MAX_GAUSSIANS`] or the window is empty.
+    pub fn new(settings: BackgroundSettings) -> Self {
+        assert!((2..=MAX_GAUSSIANS).contains(&settings.gaussians), "{} Gaussians", settings.gaussians);
+        assert!(settings.window > 0, "an empty window");
+        Self { settings, shape: [0; 3], frames: 0, model: Vec::new() }
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &BackgroundSettings {
+        &self.settings
+    }
+
+    /// Frames learned from so far.
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// Forgets all frames.
+    pub fn clear(&mut self) {
+        self.shape = [0; 3];
+        self.frames = 0;
+    }
+
+    /// Learns from a patch and fills `mask`, row-major `height x width`: 1 where it shows moving foreground, 0 elsewhere,
+    /// shadows included. A patch of another shape than the last begins anew.
+    pub fn apply(&mut self, patch: &Patch, mask: &mut Vec<u8>) {
+        let planes = patch.planes();
+        let shape = [patch.width, patch.height, planes.len()];
+        let pixels = patch.width * patch.height;
+        if shape != self.shape {
+            self.shape = shape;
+            self.frames = 0;
+            self.model.clear();
+            self.model.resize(pixels.div_ceil(LANES) * self.settings.gaussians, Gaussian::NONE);
+        }
+        self.frames += 1;
+        mask.resize(pixels, 0);
+        let rule = self.rule(planes.len());
+        let planes: [&[u8]; PLANES] = std::array::from_fn(|i| planes[i.min(planes.len() - 1)].as_slice());
+        match self.settings.gaussians {
+            2 => learn::<2>(&mut self.model, planes, &rule, mask),
+            3 => learn::<3>(&mut self.model, planes, &rule, mask),
+            4 => learn::<4>(&mut self.model, planes, &rule, mask),
+            _ => learn::<MAX_GAUSSIANS>(&mut self.model, planes, &rule, mask),
+        }
+    }
+
+    fn rule(&self, planes: usize) -> Rule {
+        let square = |value: f64| (value * value) as f32;
+        let settings = &self.settings;
+        Rule {
+            rate: 1.0 / self.frames.min(settings.window) as f32,
+            share: settings.share as f32,
+            deviations: square(settings.deviations),
+            initial: square(settings.initial_deviation),
+            least: square(settings.least_deviation),
+            shadow: if planes == PLANES { settings.shadow as f32 } else { 1.0 },
+        }
+    }
+}
+
+/// Learns from all pixels, block after block.
+#[multiversion(targets("x86_64+avx2+fma"))]
+fn learn<const K: usize>(model: &mut [Gaussian], planes: [&[u8]; PLANES], rule: &Rule, mask: &mut [u8]) {
+    let (blocks, _) = model.as_chunks_mut::<K>();
+    for (i, (gaussians, mask)) in blocks.iter_mut().zip(mask.chunks_mut(LANES)).enumerate() {
+        let mut colour = [[0.0; LANES]; PLANES];
+        for (values, plane) in colour.iter_mut().zip(planes) {
+            let from = &plane[i * LANES..i * LANES + mask.len()];
+            values.iter_mut().zip(from).for_each(|(v, p)| *v = f32::from(*p));
+        }
+        let moving = block(gaussians, &colour, rule);
+        mask.iter_mut().zip(moving).for_each(|(m, moves)| *m = u8::from(moves != 0.0));
+    }
+}
+
+/// Learns the colours of a block. Returns 1 where they are foreground, 0 elsewhere.
+#[inline(always)]
+fn block<const K: usize>(gaussians: &mut [Gaussian; K], colour: &[Lanes; PLANES], rule: &Rule) -> Lanes {
+    let owner = belongs(gaussians, colour, rule);
+    for (k, gaussian) in gaussians.iter_mut().enumerate() {
+        update(gaussian, k as f32, &owner, colour, rule);
+    }
+    normalise(gaussians);
+    let background = background(gaussians, rule.share);
+    let mut moving = [1.0; LANES];
+    for (k, background) in background.iter().enumerate() {
+        for i in 0..LANES {
+            moving[i] = if owner.index[i] == k as f32 { 1.0 - background[i] } else { moving[i] };
+        }
+    }
+    if rule.shadow < 1.0 && moving.iter().any(|m| *m != 0.0) {
+        for (gaussian, background) in gaussians.iter().zip(&background) {
+            let shadowed = shadowed(gaussian, colour, rule);
+            for i in 0..LANES {
+                moving[i] *= 1.0 - background[i] * shadowed[i];
+            }
+        }
+    }
+    moving
+}
+
+/// The square of what Gaussians are ordered by, weight over deviation.
+#[inline(always)]
+fn scores(gaussian: &Gaussian) -> Lanes {
+    let mut scores = gaussian.weight;
+    for i in 0..LANES {
+        scores[i] *= gaussian.weight[i] / gaussian.variance[i];
+    }
+    scores
+}
+
+/// The square of the distance of colours from a mean.
+#[inline(always)]
+fn distances(mean: &[Lanes; PLANES], colour: &[Lanes; PLANES]) -> Lanes {
+    let mut sum = [0.0; LANES];
+    for (mean, colour) in mean.iter().zip(colour) {
+        for i in 0..LANES {
+            let difference = colour[i] - mean[i];
+            sum[i] += difference * difference;
+        }
+    }
+    for value in &mut sum {
+        *value /= PLANES as f32;
+    }
+    sum
+}
+
+/// Which Gaussian each colour of a block belongs to.
+struct Owner {
+    index: Lanes,
+    /// 1 where it fits none and takes that Gaussian's place.
+    new: Lanes,
+}
+
+/// The first Gaussian, by score, that the colour fits; the last of all where it fits none.
+#[inline(always)]
+fn belongs<const K: usize>(gaussians: &[Gaussian; K], colour: &[Lanes; PLANES], rule: &Rule) -> Owner {
+    let (mut best, mut fitting) = ([0.0; LANES], [0.0; LANES]);
+    let (mut least, mut last) = ([f32::INFINITY; LANES], [0.0; LANES]);
+    for (k, gaussian) in gaussians.iter().enumerate() {
+        let (scores, distances) = (scores(gaussian), distances(&gaussian.mean, colour));
+        for i in 0..LANES {
+            let fits = distances[i] <= rule.deviations * gaussian.variance[i];
+            let score = if fits { scores[i] } else { 0.0 };
+            fitting[i] = if score > best[i] { k as f32 } else { fitting[i] };
+            best[i] = best[i].max(score);
+            last[i] = if scores[i] < least[i] { k as f32 } else { last[i] };
+            least[i] = least[i].min(scores[i]);
+        }
+    }
+    let new = best.map(|b| if b > 0.0 { 0.0 } else { 1.0 });
+    Owner { index: std::array::from_fn(|i| if new[i] != 0.0 { last[i] } else { fitting[i] }), new }
+}
+
+/// The rule of the header for Gaussian `k`.
+#[inline(always)]
+fn update(gaussian: &mut Gaussian, k: f32, owner: &Owner, colour: &[Lanes; PLANES], rule: &Rule) {
+    let distances = distances(&gaussian.mean, colour);
+    // How far the mean goes towards the colour.
+    let mut rates = [0.0; LANES];
+    for i in 0..LANES {
+        let owns = owner.index[i] == k;
+        let new = owns && owner.new[i] != 0.0;
+        let kept = if new { 0.0 } else { (1.0 - rule.rate) * gaussian.weight[i] };
+        let weight = kept + if owns { rule.rate } else { 0.0 };
+        rates[i] = if owns { rule.rate / weight } else { 0.0 };
+        let learned = gaussian.variance[i] + rates[i] * (distances[i] - gaussian.variance[i]);
+        gaussian.variance[i] = if new { rule.initial } else { learned.max(rule.least) };
+        gaussian.weight[i] = weight;
+    }
+    for (mean, colour) in gaussian.mean.iter_mut().zip(colour) {
+        for i in 0..LANES {
+            mean[i] += rates[i] * (colour[i] - mean[i]);
+        }
+    }
+}
+
+/// Makes the weights of each pixel add up to 1: those of a Gaussian whose place was taken are gone.
+#[inline(always)]
+fn normalise<const K: usize>(gaussians: &mut [Gaussian; K]) {
+    let mut sum = [0.0; LANES];
+    for gaussian in gaussians.iter() {
+        for i in 0..LANES {
+            sum[i] += gaussian.weight[i];
+        }
+    }
+    let scale = sum.map(|s| 1.0 / s);
+    for gaussian in gaussians {
+        for i in 0..LANES {
+            gaussian.weight[i] *= scale[i];
+        }
+    }
+}
+
+/// 1 for the Gaussians that are background: those before them, by score, have no more than the share of the weight.
+#[inline(always)]
+fn background<const K: usize>(gaussians: &[Gaussian; K], share: f32) -> [Lanes; K] {
+    let scores: [Lanes; K] = std::array::from_fn(|k| scores(&gaussians[k]));
+    std::array::from_fn(|k| {
+        let mut before = [0.0; LANES];
+        for (j, gaussian) in gaussians.iter().enumerate() {
+            for i in 0..LANES {
+                let first = if j < k { scores[j][i] >= scores[k][i] } else { scores[j][i] > scores[k][i] };
+                before[i] += if first { gaussian.weight[i] } else { 0.0 };
+            }
+        }
+        before.map(|b| if b <= share { 1.0 } else { 0.0 })
+    })
+}
+
+/// 1 where the colours are the mean's, only darker: `a` times the mean comes closest to the colour, `a` lies between the
+/// least brightness of a shadow and 1, and what remains, the distortion of the colour, fits the Gaussian.
+#[inline(always)]
+fn shadowed(gaussian: &Gaussian, colour: &[Lanes; PLANES], rule: &Rule) -> Lanes {
+    let (mut along, mut length) = ([0.0; LANES], [0.0; LANES]);
+    for (mean, colour) in gaussian.mean.iter().zip(colour) {
+        for i in 0..LANES {
+            along[i] += mean[i] * colour[i];
+            length[i] += mean[i] * mean[i];
+        }
+    }
+    let brightness: Lanes = std::array::from_fn(|i| along[i] / length[i].max(1.0));
+    let darker = gaussian.mean.map(|mean| std::array::from_fn(|i| brightness[i] * mean[i]));
+    let distortion = distances(&darker, colour);
+    std::array::from_fn(|i| {
+        let fits = distortion[i] <= rule.deviations * gaussian.variance[i];
+        if fits & (brightness[i] > rule.shadow) & (brightness[i] < 1.0) { 1.0 } else { 0.0 }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::crop::Cropper;
+    use crate::frame::{Encoding, Frame};
+
+    fn patch(data: &[u8], width: usize, height: usize, encoding: Encoding) -> Patch {
+        let step = width * encoding.bytes();
+        let frame = Frame::new(data, width as u32, height as u32, step, encoding, None).unwrap();
+        let mut patch = Patch::default();
+        Cropper::default().crop(&frame, &frame.bounds(), width, height, &mut patch);
+        patch
+    }
+
+    /// One pixel by the textbook: Gaussians in a sorted list, in double precision.
+    #[derive(Default)]
+    struct Pixel {
+        frames: usize,
+        /// Weight, mean, variance.
+        gaussians: Vec<(f64, [f64; 3], f64)>,
+    }
+
+    impl Pixel {
+        fn apply(&mut self, colour: [f64; 3], planes: usize, s: &BackgroundSettings) -> bool {
+            let mean_square = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>() / 3.0;
+            self.frames += 1;
+            let rate = 1.0 / self.frames.min(s.window) as f64;
+            let fits = |d: f64, variance: f64| d.sqrt() <= s.deviations * variance.sqrt();
+            let found = self.gaussians.iter().position(|g| fits(mean_square(g.1, colour), g.2));
+            self.gaussians.iter_mut().for_each(|g| g.0 *= 1.0 - rate);
+            let mark = match found {
+                Some(at) => {
+                    let g = &mut self.gaussians[at];
+                    g.0 += rate;
+                    let speed = rate / g.0;
+                    let d = mean_square(g.1, colour);
+                    g.2 = (g.2 + speed * (d - g.2)).max(s.least_deviation.powi(2));
+                    (0..3).for_each(|i| g.1[i] += speed * (colour[i] - g.1[i]));
+                    *g
+                }
+                None => {
+                    self.gaussians.truncate(s.gaussians - 1);
+                    self.gaussians.push((rate, colour, s.initial_deviation.powi(2)));
+                    *self.gaussians.last().unwrap()
+                }
+            };
+            let sum: f64 = self.gaussians.iter().map(|g| g.0).sum();
+            self.gaussians.iter_mut().for_each(|g| g.0 /= sum);
+            self.gaussians.sort_by(|a, b| (b.0 / b.2.sqrt()).total_cmp(&(a.0 / a.2.sqrt())));
+            let mut weights = 0.0;
+            let count = self.gaussians.iter().position(|g| {
+                weights += g.0;
+                weights > s.share
+            });
+            let background = &self.gaussians[..count.unwrap() + 1];
+            if background.iter().any(|g| g.1 == mark.1 && g.2 == mark.2) {
+                return false;
+            }
+            let shadow = |g: &(f64, [f64; 3], f64)| {
+                let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+                let a = dot(g.1, colour) / dot(g.1, g.1);
+                a > s.shadow && a < 1.0 && fits(mean_square(g.1.map(|v| a * v), colour), g.2)
+            };
+            planes == 1 || !background.iter().any(shadow)
+        }
+    }
+
+    const QUIET: usize = 20;
+
+    /// A noisy street for longer than the window, so that no two Gaussians ever tie; then two that take turns, visitors and
+    /// shadows.
+    fn scene(rng: &mut ChaCha8Rng, base: &[[u8; 3]], pixel: usize, frame: usize) -> [u8; 3] {
+        let noise = rng.random_range(-6i32..=6);
+        let kind = if frame < QUIET { 19 } else { rng.random_range(0..20) };
+        let other = rng.random_range(0..255);
+        let colour = base[pixel].map(|v| match kind {
+            0 => other,
+            1 | 2 => i32::from(v) * 3 / 4,
+            3..=8 => i32::from(v) + 40,
+            _ => i32::from(v),
+        });
+        std::array::from_fn(|i| (colour[i] + noise + rng.random_range(-2i32..=2)).clamp(0, 255) as u8)
+    }
+
+    #[test]
+    fn every_pixel_agrees_with_the_textbook() {
+        let (width, height) = (13, 7);
+        for (gaussians, window, shadow, encoding) in [
+            (4, 15, 0.6, Encoding::Rgb8),
+            (2, 12, 1.0, Encoding::Rgb8),
+            (3, 18, 0.4, Encoding::Bgr8),
+            (5, 19, 0.6, Encoding::Mono8),
+        ] {
+            // Numbers that differences of intensities and counts never make exactly.
+            let settings = BackgroundSettings {
+                gaussians,
+                window,
+                shadow,
+                share: 0.7071,
+                deviations: 2.4142,
+                ..Default::default()
+            };
+            let mut rng = ChaCha8Rng::seed_from_u64(gaussians as u64);
+            let base: Vec<[u8; 3]> =
+                (0..width * height).map(|_| std::array::from_fn(|_| rng.random_range(30..200))).collect();
+            let mut background = Background::new(settings.clone());
+            let mut pixels: Vec<Pixel> = (0..width * height).map(|_| Pixel::default()).collect();
+            let (mut mask, mut seen) = (Vec::new(), [0, 0]);
+            for frame in 0..80 {
+                let bytes = encoding.bytes();
+                let data: Vec<u8> =
+                    (0..width * height).flat_map(|i| scene(&mut rng, &base, i, frame)[..bytes].to_vec()).collect();
+                let patch = patch(&data, width, height, encoding);
+                background.apply(&patch, &mut mask);
+                for (i, pixel) in pixels.iter_mut().enumerate() {
+                    let colour = patch.rgb(i % width, i / width).map(f64::from);
+                    let moving = pixel.apply(colour, patch.planes().len(), &settings);
+                    assert_eq!(
+                        mask[i] != 0,
+                        moving,
+                        "{gaussians} Gaussians, frame {frame}, pixel {i}: {:?}",
+                        pixel.gaussians
+                    );
+                    seen[usize::from(moving)] += 1;
+                }
+            }
+            assert!(seen[0] > 1000 && seen[1] > 200, "both kinds must come up: {seen:?}");
+        }
+    }
+
+    const SIDE: usize = 20;
+
+    fn flat(colour: [u8; 3]) -> Patch {
+        let data: Vec<u8> = (0..SIDE * SIDE).flat_map(|_| colour).collect();
+        patch(&data, SIDE, SIDE, Encoding::Rgb8)
+    }
+
+    /// The share of foreground in a patch.
+    fn share(background: &mut Background, patch: &Patch) -> f64 {
+        let mut mask = Vec::new();
+        background.apply(patch, &mut mask);
+        assert_eq!(mask.len(), patch.width * patch.height);
+        mask.iter().map(|m| f64::from(*m)).sum::<f64>() / mask.len() as f64
+    }
+
+    #[test]
+    fn what_comes_is_foreground_until_it_has_stayed() {
+        let (street, van) = (flat([90, 100, 110]), flat([30, 120, 60]));
+        let settings = BackgroundSettings { window: 50, ..Default::default() };
+        let mut background = Background::new(settings);
+        assert_eq!((0..60).map(|_| share(&mut background, &street)).sum::<f64>(), 0.0, "from the first frame on");
+        let stays = (0..).take_while(|_| share(&mut background, &van) == 1.0).count();
+        // Its weight exceeds 1 - T after ln T / ln (1 - 1 / L) frames.
+        assert!((16..=19).contains(&stays), "{stays}");
+        assert_eq!(share(&mut background, &street), 0.0, "the street is still known");
+        assert_eq!(share(&mut background, &flat([200, 10, 10])), 1.0);
+    }
+
+    #[test]
+    fn a_shadow_is_darker_and_of_the_same_colour() {
+        let mut background = Background::new(BackgroundSettings { shadow: 0.5, ..Default::default() });
+        (0..50).for_each(|_| {
+            share(&mut background, &flat([100, 150, 200]));
+        });
+        assert_eq!(share(&mut background, &flat([70, 105, 140])), 0.0);
+        assert_eq!(share(&mut background, &flat([40, 60, 80])), 1.0, "too dark");
+        assert_eq!(share(&mut background, &flat([130, 195, 255])), 1.0, "a light is none");
+        assert_eq!(share(&mut background, &flat([140, 105, 70])), 1.0, "of another colour");
+    }
+
+    #[test]
+    fn a_patch_of_another_shape_begins_anew() {
+        let mut background = Background::new(BackgroundSettings::default());
+        (0..20).for_each(|_| {
+            share(&mut background, &flat([100, 150, 200]));
+        });
+        let grey = patch(&[9; SIDE * SIDE], SIDE, SIDE, Encoding::Mono8);
+        assert_eq!(share(&mut background, &grey), 0.0);
+        assert_eq!(background.frames(), 1);
+        background.clear();
+        assert_eq!(share(&mut background, &patch(&[200; SIDE * SIDE], SIDE, SIDE, Encoding::Mono8)), 0.0);
+    }
+}
