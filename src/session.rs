@@ -26,9 +26,11 @@ pub struct Session {
     /// Of the targets that are followed, in the order of their starts; when the last has been stopped, of those that
     /// were stopped with it.
     marks: Vec<Mark>,
-    active: bool,
+    stopped: bool,
+    /// Whether the tracker has seen no frame yet, or none that it remembers.
+    fresh: bool,
     cadence: Cadence,
-    /// To the size of picture in which the first of the targets was marked.
+    /// To the size of picture that the tracker saw first.
     zoom: Zoom,
     output: Output,
     next_id: u32,
@@ -46,13 +48,14 @@ struct Mark {
 }
 
 impl Session {
-    /// A session that waits for a mark, or why a file that the parameters name cannot be used.
+    /// A session that waits for a mark or, where the tracker finds targets by itself, for frames; or why a file that the parameters name cannot be used.
     pub fn new(params: Params) -> Result<Self, NetworkError> {
         Ok(Self {
             tracker: tracker::build(&params)?,
             params,
             marks: Vec::new(),
-            active: false,
+            stopped: false,
+            fresh: true,
             cadence: Cadence::default(),
             zoom: Zoom::new([1; 2]),
             output: Output::default(),
@@ -65,9 +68,9 @@ impl Session {
         &self.params
     }
 
-    /// Whether a target is being followed.
+    /// Whether frames are tracked: a target is being followed, or targets are being looked for.
     pub fn is_active(&self) -> bool {
-        self.active
+        !self.stopped && (self.tracker.finds() || !self.marks.is_empty())
     }
 
     /// Takes up the target in `rect` under a number of its own: see [`Session::start_as`].
@@ -77,7 +80,8 @@ impl Session {
 
     /// Takes up the target in `rect`, on the frame that the session was stepped into last or, if no target is followed
     /// yet, on any. A target of the same id begins anew; where a single target may be followed, the new one takes its
-    /// place. A mark that cannot be followed is refused and changes nothing.
+    /// place. A mark that cannot be followed is refused and changes nothing. What the tracker has found by itself does not
+    /// count.
     pub fn start_as(
         &mut self,
         id: Option<&str>,
@@ -100,9 +104,12 @@ impl Session {
     ) -> Result<&Output, StartError> {
         frame.check_target(&rect)?;
         let most = self.params.general.max_targets as usize;
-        let is_known = self.active && self.marks.iter().any(|mark| Some(&*mark.id) == id);
-        if !self.active || (most == 1 && !is_known) {
-            self.clear();
+        if self.stopped {
+            self.marks.clear();
+        }
+        let is_known = self.marks.iter().any(|mark| Some(&*mark.id) == id);
+        if most == 1 && !is_known {
+            self.drop_marks();
         } else if !is_known && self.marks.len() >= most {
             return Err(StartError::Full { most });
         }
@@ -113,17 +120,19 @@ impl Session {
         Ok(&self.output)
     }
 
-    /// Takes up the targets of the last marks again, each where it was marked; all of them or, where one cannot be
-    /// followed in this frame, none.
+    /// Forgets all targets and takes up those of the last marks again, each where it was marked; all of them or, where one
+    /// cannot be followed in this frame, none. A tracker that finds targets by itself looks for them again, with marks or
+    /// without.
     pub fn restart(&mut self, frame: &Frame, trace: &mut dyn Trace) -> Result<&Output, StartError> {
-        if self.marks.is_empty() {
+        if self.marks.is_empty() && !self.tracker.finds() {
             return Err(StartError::NoMark);
         }
         let size = [frame.width(), frame.height()];
         let here = |mark: &Mark| stretched(mark.rect, factors(mark.size, size));
         self.marks.iter().try_for_each(|mark| frame.check_target(&here(mark)))?;
-        let marks = self.marks.clone();
-        self.clear();
+        let marks = std::mem::take(&mut self.marks);
+        self.stop();
+        self.stopped = false;
         for mark in marks {
             let rect = here(&mark);
             let id = if mark.named { mark.id } else { self.new_id() };
@@ -133,26 +142,24 @@ impl Session {
         Ok(&self.output)
     }
 
-    /// Forgets all targets.
+    /// Forgets all targets, and finds none, until one is marked or [`Session::restart`] is called.
     pub fn stop(&mut self) {
-        self.marks.iter().for_each(|mark| self.tracker.stop(&mark.id));
-        self.active = false;
+        self.tracker.clear();
+        (self.stopped, self.fresh) = (true, true);
         self.output.targets.clear();
     }
 
-    /// Forgets one target; says whether there was one of this id.
+    /// Forgets one target; says whether there was one of this id. One that moves may be found again, under another id.
     pub fn stop_target(&mut self, id: &str) -> bool {
-        let Some(at) = self.marks.iter().position(|mark| &*mark.id == id).filter(|_| self.active) else {
-            return false;
-        };
-        if self.marks.len() == 1 {
+        let is_known = self.output.targets.iter().any(|target| &*target.id == id);
+        if is_known && self.output.targets.len() == 1 && !self.tracker.finds() {
             self.stop();
-        } else {
-            self.marks.remove(at);
+        } else if is_known {
+            self.marks.retain(|mark| &*mark.id != id);
             self.tracker.stop(id);
             self.report();
         }
-        true
+        is_known
     }
 
     /// Takes over changed parameters from the next frame on; what is fixed stays as it was. Parameters that name a file
@@ -163,12 +170,17 @@ impl Session {
         Ok(())
     }
 
-    /// Follows the targets into the next frame. Without a target the output is empty and nothing is computed.
+    /// Follows the targets into the next frame. Without a target the output is empty and nothing is computed, unless the
+    /// tracker finds targets by itself.
     pub fn step(&mut self, frame: &Frame, trace: &mut dyn Trace) -> &Output {
-        if self.active {
+        if self.is_active() {
+            if std::mem::take(&mut self.fresh) {
+                self.set_out(frame);
+            }
             let dt = self.cadence.advance(frame.stamp());
             let seen = self.see(frame);
-            self.tracker.step(&seen, dt, &mut self.zoom.trace(trace));
+            let Self { tracker, zoom, marks, next_id, .. } = self;
+            tracker.step(&seen, dt, &mut || new_id(next_id, marks), &mut zoom.trace(trace));
             self.report();
         }
         &self.output
@@ -180,27 +192,28 @@ impl Session {
     }
 
     fn new_id(&mut self) -> Arc<str> {
-        let taken = |id: &str| self.marks.iter().any(|mark| &*mark.id == id);
-        loop {
-            let id = self.next_id.to_string();
-            self.next_id += 1;
-            if !taken(&id) {
-                return id.into();
-            }
-        }
+        new_id(&mut self.next_id, &self.marks)
     }
 
-    fn clear(&mut self) {
-        self.stop();
+    /// Forgets the targets that were marked; what a tracker knows besides them stays.
+    fn drop_marks(&mut self) {
+        self.marks.iter().for_each(|mark| self.tracker.stop(&mark.id));
         self.marks.clear();
+        self.fresh |= !self.tracker.finds();
+    }
+
+    /// This is the first frame that the tracker sees.
+    fn set_out(&mut self, frame: &Frame) {
+        self.cadence = Cadence::default();
+        self.cadence.set_out(frame.stamp());
+        self.zoom = Zoom::new([frame.width(), frame.height()]);
     }
 
     fn begin(&mut self, mark: Mark, frame: &Frame, later: &[Frame], trace: &mut dyn Trace) {
         self.marks.retain(|other| other.id != mark.id);
-        let is_alone = self.marks.is_empty();
-        if is_alone {
-            self.cadence = Cadence::default();
-            self.zoom = Zoom::new(mark.size);
+        let is_first = std::mem::take(&mut self.fresh) || (self.marks.is_empty() && !self.tracker.finds());
+        if is_first {
+            self.set_out(frame);
         }
         let mut cadence = self.cadence.clone();
         cadence.set_out(frame.stamp());
@@ -211,11 +224,11 @@ impl Session {
             let seen = self.see(frame);
             self.tracker.catch_up(&mark.id, &seen, dt, &mut self.zoom.trace(trace));
         }
-        if is_alone {
+        if is_first {
             self.cadence = cadence;
         }
         self.marks.push(mark);
-        self.active = true;
+        self.stopped = false;
     }
 
     /// The frame as the tracker is to see it.
@@ -228,6 +241,17 @@ impl Session {
         for target in &mut self.output.targets {
             target.velocity = target.velocity.map(|v| v * self.cadence.frame_rate());
             self.zoom.apply(target);
+        }
+    }
+}
+
+/// The next number that is no mark's id.
+fn new_id(next: &mut u32, marks: &[Mark]) -> Arc<str> {
+    loop {
+        let id = next.to_string();
+        *next += 1;
+        if !marks.iter().any(|mark| *mark.id == *id) {
+            return id.into();
         }
     }
 }

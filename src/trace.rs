@@ -7,13 +7,13 @@ use crate::geometry::Rect;
 /// The parts of a step whose share of the time is told apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// Cropping search windows and computing features and likelihoods.
+    /// Cropping search windows and computing features and likelihoods; finding what moves.
     Features,
-    /// Responses of the correlation filter and their peak; mean shift and weighing of particles.
+    /// Responses of the correlation filter and their peak; mean shift and weighing of particles; composite images.
     Localise,
     /// The scale filter.
     Scale,
-    /// Scanning for a lost target.
+    /// Scanning for a lost target; finding new ones.
     Redetect,
     /// Updating filters and classifier.
     Learn,
@@ -49,6 +49,23 @@ pub struct ResponseMap<'a> {
     pub window: Rect,
 }
 
+/// The images that a target's region is made of, one over the other.
+#[derive(Clone, Copy, Debug)]
+pub struct Cues<'a> {
+    /// The target's id.
+    pub id: &'a str,
+    /// What they say of the target.
+    pub name: &'static str,
+    /// The part of the frame that they cover, in pixels.
+    pub window: Rect,
+    /// Number of rows of each.
+    pub rows: usize,
+    /// Number of columns.
+    pub cols: usize,
+    /// The name of each and its values, 0 to 1, row-major `rows x cols`; row 0 is the top.
+    pub images: [(&'static str, &'a [f32]); 4],
+}
+
 /// A place where a lost target may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proposal {
@@ -68,6 +85,8 @@ pub trait Trace {
     fn prediction(&mut self, _rect: Rect) {}
     /// The fused response map over the search window.
     fn response(&mut self, _map: &ResponseMap) {}
+    /// The images that a response is made of, of one target.
+    fn cues(&mut self, _cues: &Cues) {}
     /// What the re-detector proposes on this frame.
     fn proposals(&mut self, _proposals: &[Proposal]) {}
     /// What looks like a target and is not: a box in pixels.
@@ -100,6 +119,11 @@ impl<A: Trace, B: Trace> Trace for (A, B) {
     fn response(&mut self, map: &ResponseMap) {
         self.0.response(map);
         self.1.response(map);
+    }
+
+    fn cues(&mut self, cues: &Cues) {
+        self.0.cues(cues);
+        self.1.cues(cues);
     }
 
     fn proposals(&mut self, proposals: &[Proposal]) {

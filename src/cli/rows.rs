@@ -1,11 +1,11 @@
-//! The CSV of a single target: one row a frame.
+//! The rows of `track`: one a frame for a target that was marked, or one a target and frame where targets are found.
 
 use std::io::{self, Write};
 
 use crate::geometry::Rect;
 use crate::tracker::{Output, State};
 
-/// The first line.
+/// The first line of rows of a single target.
 pub const HEADER: &str = "x,y,w,h,confidence,state";
 
 /// The row of a frame, without the end of the line. A frame without a target has no box.
@@ -19,4 +19,40 @@ pub fn write(out: &mut dyn Write, output: &Output) -> io::Result<()> {
 /// The row of a box. Numbers are written so that they read back bit for bit.
 pub fn write_box(out: &mut dyn Write, r: &Rect, confidence: f32, state: State) -> io::Result<()> {
     write!(out, "{},{},{},{},{confidence},{}", r.x, r.y, r.w, r.h, state.name())
+}
+
+/// The rows of a frame, counted from 1, in the format of MOTChallenge: frame, id, x, y, w, h, confidence and three fields
+/// that are not used. Lost targets have none, for every row says that a target is in sight there.
+pub fn write_mot(out: &mut dyn Write, frame: usize, output: &Output) -> io::Result<()> {
+    output.targets.iter().filter(|target| target.state != State::Lost).try_for_each(|target| {
+        let (r, confidence) = (&target.rect, target.confidence);
+        writeln!(out, "{frame},{},{},{},{},{},{confidence},-1,-1,-1", target.id, r.x, r.y, r.w, r.h)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tracker::Target;
+
+    #[test]
+    fn rows_of_many_targets_are_those_of_motchallenge_without_lost_ones() {
+        let target = |id: &str, x: f64, state| Target {
+            id: id.into(),
+            rect: Rect::new(x, 2.5, 30.0, 60.0),
+            velocity: [0.0; 2],
+            confidence: 0.5,
+            response: 0.5,
+            state,
+            reacquired: false,
+            age: 1,
+            lost_for: 0,
+        };
+        let targets =
+            vec![target("0", 1.0, State::Tracking), target("1", 5.0, State::Lost), target("7", 9.0, State::Uncertain)];
+        let mut out = Vec::new();
+        write_mot(&mut out, 12, &Output { targets }).unwrap();
+        let want = "12,0,1,2.5,30,60,0.5,-1,-1,-1\n12,7,9,2.5,30,60,0.5,-1,-1,-1\n";
+        assert_eq!(String::from_utf8(out).unwrap(), want);
+    }
 }

@@ -1,4 +1,4 @@
-//! `track`: follows one target through recorded frames and writes a row a frame.
+//! `track`: follows a target, or all that move, through recorded frames and writes a row a frame, or a target and frame.
 
 use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -14,7 +14,7 @@ use super::{Error, params, progress, rows};
 use crate::draw::{self, Scene};
 use crate::frame::Frame;
 use crate::geometry::Rect;
-use crate::params::{Assignment, assignment};
+use crate::params::{Algorithm, Assignment, assignment};
 use crate::record::Recorder;
 use crate::replay::{self, FrameSource, truth};
 use crate::session::Session;
@@ -24,7 +24,8 @@ use crate::tracker::Output;
 ///
 /// Writes CSV: the header x,y,w,h,confidence,state and one row a frame, the first with the initial box. Boxes are in
 /// pixels from the top left corner; the state is tracking, uncertain or lost, and the box of a lost target is the
-/// best guess. The last line on standard error tells the speed. Exit codes: 0 done, 1 failed while running, 2
+/// best guess. With --algorithm maptrack, which finds targets by itself, rows are those of MOTChallenge, without a header:
+/// frame (from 1),id,x,y,w,h,confidence,-1,-1,-1; a lost target has none. The last line on standard error tells the speed. Exit codes: 0 done, 1 failed while running, 2
 /// unusable arguments.
 #[derive(Debug, Parser)]
 #[command(name = "track", version)]
@@ -35,7 +36,8 @@ pub struct Args {
     /// The topic of a bag that has the images; may be left out where there is but one with images.
     #[arg(long, value_name = "NAME")]
     topic: Option<String>,
-    /// The target's box on the first frame; without it, the first row of a groundtruth_rect.txt beside the images.
+    /// The target's box on the first frame; without it, the first row of a groundtruth_rect.txt beside the images. With
+    /// --algorithm maptrack there need be none.
     #[arg(long, value_name = "X,Y,W,H", value_parser = truth::parse, allow_hyphen_values = true)]
     init: Option<Rect>,
     /// The tracker to use; stands for -p algorithm:=NAME.
@@ -64,17 +66,27 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<(), Error> {
     let params = params(&args.params, args.algorithm.as_deref(), &args.set)?;
     let mut source = replay::open(&args.source, args.topic.as_deref()).map_err(Error::Source)?;
-    let (init, from) = target(args, source.as_ref())?;
+    let finds = params.general.algorithm == Algorithm::Maptrack;
+    let target = match target(args, source.as_ref()) {
+        Err(Error::NoTarget(_)) if finds => None,
+        target => Some(target?),
+    };
     let first = source.next_frame().map_err(Error::Read)?;
     let mut session = Session::new(params)?;
     let mut watch = (StageClock::default(), Scene::default());
     let mut processing = Duration::ZERO;
     if let Some(buffer) = &first {
         watch.0.begin();
-        session.start(&buffer.frame(), init, &mut watch).map_err(|source| Error::Start { from, source })?;
+        match target {
+            Some((init, from)) => {
+                let started = session.start(&buffer.frame(), init, &mut watch);
+                started.map_err(|source| Error::Start { from, source })?;
+            }
+            None => drop(session.step(&buffer.frame(), &mut watch)),
+        }
         processing = watch.0.end();
     }
-    let mut rows = Rows::create(args.output.as_deref())?;
+    let mut rows = Rows::create(args.output.as_deref(), finds)?;
     let pictures = args.annotate.as_deref().map(Pictures::create).transpose()?;
     let algorithm = session.params().general.algorithm.name();
     let mut bag = args.bag.as_deref().map(|path| Recorder::create(path, algorithm)).transpose()?;
@@ -92,7 +104,7 @@ pub fn run(args: &Args) -> Result<(), Error> {
             processing = watch.0.end();
         }
         frames += 1;
-        if !rows.write(session.output())? {
+        if !rows.write(frames, session.output())? {
             return Ok(());
         }
         if let Some(bag) = &mut bag {
@@ -132,10 +144,12 @@ fn target(args: &Args, source: &dyn FrameSource) -> Result<(Rect, String), Error
 struct Rows {
     out: Box<dyn Write>,
     name: String,
+    /// Whether there is a row for each target of a frame.
+    many: bool,
 }
 
 impl Rows {
-    fn create(path: Option<&Path>) -> Result<Self, Error> {
+    fn create(path: Option<&Path>, many: bool) -> Result<Self, Error> {
         let (out, name): (Box<dyn Write>, _) = match path {
             None => (Box::new(io::stdout().lock()), "standard output".to_owned()),
             Some(path) => {
@@ -143,15 +157,21 @@ impl Rows {
                 (Box::new(BufWriter::new(file)), path.display().to_string())
             }
         };
-        let mut rows = Self { out, name };
-        let header = writeln!(rows.out, "{}", rows::HEADER);
-        rows.check(header)?;
+        let mut rows = Self { out, name, many };
+        if !many {
+            let header = writeln!(rows.out, "{}", rows::HEADER);
+            rows.check(header)?;
+        }
         Ok(rows)
     }
 
-    /// Writes a frame's row. `false`: nobody reads on.
-    fn write(&mut self, output: &Output) -> Result<bool, Error> {
-        let written = rows::write(&mut self.out, output).and_then(|()| writeln!(self.out));
+    /// Writes the rows of a frame, counted from 1. `false`: nobody reads on.
+    fn write(&mut self, frame: usize, output: &Output) -> Result<bool, Error> {
+        let written = if self.many {
+            rows::write_mot(&mut self.out, frame, output)
+        } else {
+            rows::write(&mut self.out, output).and_then(|()| writeln!(self.out))
+        };
         self.check(written)
     }
 

@@ -2,11 +2,12 @@
 //!
 //! [`Params`] is a plain struct; everything else about a parameter (type, range, unit, description, whether it
 //! may change while the program runs) is in its [`Descriptor`]. Both come from the same rows, in `schema.rs`,
-//! `lcmht.rs` and `etepf.rs`.
+//! `lcmht.rs`, `etepf.rs` and `maptrack.rs`.
 //! A change is checked as a whole and makes a new set, or is refused as a whole: [`Params::with`].
 
 mod etepf;
 mod lcmht;
+mod maptrack;
 mod markdown;
 mod schema;
 mod table;
@@ -17,6 +18,7 @@ use std::sync::LazyLock;
 
 pub use etepf::*;
 pub use lcmht::*;
+pub use maptrack::*;
 pub use markdown::markdown;
 pub use schema::*;
 use table::Group;

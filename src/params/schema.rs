@@ -3,6 +3,7 @@
 
 use super::etepf::EtepfParams;
 use super::lcmht::LcmhtParams;
+use super::maptrack::MaptrackParams;
 use super::table::{choice, group, groups};
 use crate::error::ParamsError;
 use crate::frame::Levels;
@@ -14,6 +15,8 @@ choice! {
         Lcmht = "lcmht",
         /// Ensemble tracking embedded in a particle filter.
         Etepf = "etepf",
+        /// Motion, appearance and position of many targets, found without a mark.
+        Maptrack = "maptrack",
     }
 }
 
@@ -32,7 +35,7 @@ group! {
     pub struct General at "" {
         algorithm: Algorithm = Algorithm::Lcmht, @fixed; "The tracker that follows the target."
         image_transport: ImageTransport = ImageTransport::Raw, @fixed; "How images arrive: on `image` as they are, or on `image/compressed` as JPEG or PNG."
-        max_targets: i64 = 1, in 1..=64; "Targets that are followed at the same time. With 1, a new mark takes the place of the last; with more, it adds a target until there are as many."
+        max_targets: i64 = 1, in 1..=64; "Targets that are followed at the same time. With 1, a new mark takes the place of the last; with more, it adds a target until there are as many. Targets that are found without a mark do not count."
         seed: i64 = 0, in 0..=i64::MAX, @fixed; "Seed of every random choice; the same seed gives the same boxes."
     }
 }
@@ -85,6 +88,8 @@ groups! {
         lcmht: LcmhtParams,
         /// ETEPF.
         etepf: EtepfParams,
+        /// MAPTrack.
+        maptrack: MaptrackParams,
     }
 }
 

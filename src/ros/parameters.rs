@@ -276,7 +276,7 @@ mod tests {
             assert_eq!(d.kind, s.get(name).unwrap().kind());
             assert!(!d.description.is_empty());
         }
-        assert_eq!(s.describe("algorithm").unwrap().constraints, "one of lcmht, etepf");
+        assert_eq!(s.describe("algorithm").unwrap().constraints, "one of lcmht, etepf, maptrack");
         assert!(s.describe("nonsense").is_none() && s.get("nonsense").is_none());
     }
 

@@ -5,7 +5,7 @@
 
 use crate::frame::Frame;
 use crate::geometry::Rect;
-use crate::trace::{Proposal, ResponseMap, Stage, Trace};
+use crate::trace::{Cues, Proposal, ResponseMap, Stage, Trace};
 use crate::tracker::Target;
 
 /// From the pixels in which the tracker counts to those of the latest frame.
@@ -78,6 +78,10 @@ impl Trace for Zoomed<'_> {
 
     fn response(&mut self, map: &ResponseMap) {
         self.trace.response(&ResponseMap { window: stretched(map.window, self.factors), ..*map });
+    }
+
+    fn cues(&mut self, cues: &Cues) {
+        self.trace.cues(&Cues { window: stretched(cues.window, self.factors), ..*cues });
     }
 
     fn proposals(&mut self, proposals: &[Proposal]) {

@@ -31,7 +31,8 @@ mod motion;
 
 use std::sync::Arc;
 
-use super::{Output, State, Target, Tracker};
+use super::targets::{self, Targets};
+use super::{NewId, Output, State, Target, Tracker};
 use crate::crop::Cropper;
 use crate::error::NetworkError;
 use crate::filter::particles::Particles;
@@ -56,8 +57,7 @@ pub struct Etepf {
     params: EtepfParams,
     seed: u64,
     scratch: Scratch,
-    /// In the order of their starts.
-    targets: Vec<Followed>,
+    targets: Targets<Followed>,
 }
 
 /// What all targets use one after the other.
@@ -95,7 +95,7 @@ impl Etepf {
             params: params.etepf.clone(),
             seed: params.general.seed.unsigned_abs(),
             scratch: Scratch::default(),
-            targets: Vec::new(),
+            targets: Targets::default(),
         }
     }
 }
@@ -104,22 +104,25 @@ impl Tracker for Etepf {
     fn start(&mut self, id: &Arc<str>, frame: &Frame, rect: Rect, trace: &mut dyn Trace) {
         trace.stage(Stage::Learn);
         let followed = Followed::new(id.clone(), &self.params, self.seed, frame, &mut self.scratch, &rect);
-        self.stop(id);
-        self.targets.push(followed);
+        self.targets.add(followed);
     }
 
     fn stop(&mut self, id: &str) {
-        self.targets.retain(|target| &*target.id != id);
+        self.targets.stop(id);
+    }
+
+    fn clear(&mut self) {
+        self.targets = Targets::default();
     }
 
     fn catch_up(&mut self, id: &str, frame: &Frame, dt: f64, trace: &mut dyn Trace) {
-        if let Some(target) = self.targets.iter_mut().find(|target| &*target.id == id) {
+        if let Some(target) = self.targets.get_mut(id) {
             target.step(frame, &mut self.scratch, dt, trace);
         }
     }
 
-    fn step(&mut self, frame: &Frame, dt: f64, trace: &mut dyn Trace) {
-        for target in &mut self.targets {
+    fn step(&mut self, frame: &Frame, dt: f64, _: &mut NewId, trace: &mut dyn Trace) {
+        for target in self.targets.iter_mut() {
             target.step(frame, &mut self.scratch, dt, trace);
             if target.is_outdated(&self.params) && target.state == State::Tracking {
                 target.relearn(&self.params, frame, &mut self.scratch);
@@ -128,14 +131,33 @@ impl Tracker for Etepf {
     }
 
     fn report(&self, output: &mut Output) {
-        output.targets.clear();
-        output.targets.extend(self.targets.iter().map(Followed::report));
+        self.targets.report(output);
     }
 
     fn retune(&mut self, params: &Params) -> Result<(), NetworkError> {
         self.params = params.etepf.clone();
         self.targets.iter_mut().for_each(|target| target.retune(&self.params));
         Ok(())
+    }
+}
+
+impl targets::Followed for Followed {
+    fn id(&self) -> &Arc<str> {
+        &self.id
+    }
+
+    fn report(&self) -> Target {
+        Target {
+            id: self.id.clone(),
+            rect: self.rect(&self.place),
+            velocity: if self.state == State::Lost { [0.0; 2] } else { self.motion.velocity() },
+            confidence: self.confidence() as f32,
+            response: self.seen.target as f32,
+            state: self.state,
+            reacquired: self.reacquired,
+            age: self.age,
+            lost_for: self.lost_for,
+        }
     }
 }
 
@@ -306,20 +328,6 @@ impl Followed {
         view.show(trace);
         self.particles.drawn().iter().for_each(|p| trace.particle(self.rect(&p.state), p.weight));
         trace.mode(if self.state == State::Lost { FIND } else { TRACK }, view.window());
-    }
-
-    fn report(&self) -> Target {
-        Target {
-            id: self.id.clone(),
-            rect: self.rect(&self.place),
-            velocity: if self.state == State::Lost { [0.0; 2] } else { self.motion.velocity() },
-            confidence: self.confidence() as f32,
-            response: self.seen.target as f32,
-            state: self.state,
-            reacquired: self.reacquired,
-            age: self.age,
-            lost_for: self.lost_for,
-        }
     }
 
     /// How sure the box is right. The share of boxes that overlap the target by more than one half is near this number: off

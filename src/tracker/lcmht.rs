@@ -24,7 +24,8 @@ mod neighbours;
 
 use std::sync::Arc;
 
-use super::{Output, State, Target, Tracker};
+use super::targets::{self, Targets};
+use super::{NewId, Output, State, Target, Tracker};
 use crate::crop::Cropper;
 use crate::dcf::scale::ScaleFilter;
 use crate::detect::online::{self, Detector};
@@ -56,8 +57,7 @@ pub struct Lcmht {
     cropper: Cropper,
     /// The network, if its layers are wanted.
     cnn: Option<SharedCnn>,
-    /// In the order of their starts.
-    targets: Vec<Followed>,
+    targets: Targets<Followed>,
 }
 
 /// A target and all that is known of it.
@@ -89,7 +89,7 @@ impl Lcmht {
             seed: params.general.seed.unsigned_abs(),
             cropper: Cropper::default(),
             cnn: appearance::network(&params.lcmht, None)?,
-            targets: Vec::new(),
+            targets: Targets::default(),
         })
     }
 }
@@ -104,23 +104,26 @@ impl Tracker for Lcmht {
         trace.stage(Stage::Learn);
         let Self { params, seed, cropper, cnn, .. } = self;
         let followed = Followed::new(id.clone(), params, cnn.clone(), *seed, frame, cropper, rect);
-        self.stop(id);
-        self.targets.push(followed);
+        self.targets.add(followed);
     }
 
     fn stop(&mut self, id: &str) {
-        self.targets.retain(|target| &*target.id != id);
+        self.targets.stop(id);
+    }
+
+    fn clear(&mut self) {
+        self.targets = Targets::default();
     }
 
     fn catch_up(&mut self, id: &str, frame: &Frame, dt: f64, trace: &mut dyn Trace) {
-        if let Some(target) = self.targets.iter_mut().find(|target| &*target.id == id) {
+        if let Some(target) = self.targets.get_mut(id) {
             target.step(frame, &mut self.cropper, dt, trace);
         }
     }
 
-    fn step(&mut self, frame: &Frame, dt: f64, trace: &mut dyn Trace) {
+    fn step(&mut self, frame: &Frame, dt: f64, _: &mut NewId, trace: &mut dyn Trace) {
         let Self { params, seed, cropper, cnn, targets } = self;
-        for target in targets {
+        for target in targets.iter_mut() {
             if target.is_outdated(params) && target.confidence.state() == State::Tracking {
                 target.reshape(params, cnn.clone(), *seed, frame, cropper, dt);
             }
@@ -129,8 +132,7 @@ impl Tracker for Lcmht {
     }
 
     fn report(&self, output: &mut Output) {
-        output.targets.clear();
-        output.targets.extend(self.targets.iter().map(Followed::report));
+        self.targets.report(output);
     }
 
     fn retune(&mut self, params: &Params) -> Result<(), NetworkError> {
@@ -138,6 +140,26 @@ impl Tracker for Lcmht {
         self.params = params.lcmht.clone();
         self.targets.iter_mut().for_each(|target| target.retune(&self.params));
         Ok(())
+    }
+}
+
+impl targets::Followed for Followed {
+    fn id(&self) -> &Arc<str> {
+        &self.id
+    }
+
+    fn report(&self) -> Target {
+        Target {
+            id: self.id.clone(),
+            rect: self.rect,
+            velocity: self.motion.velocity(),
+            confidence: self.confidence.reported(self.judged) as f32,
+            response: self.response as f32,
+            state: self.confidence.state(),
+            reacquired: self.reacquired,
+            age: self.age,
+            lost_for: self.lost_for,
+        }
     }
 }
 
@@ -354,20 +376,6 @@ impl Followed {
     /// Whether filters are updated in this frame.
     fn is_due(&self) -> bool {
         self.age.is_multiple_of(self.params.filter.interval as u32)
-    }
-
-    fn report(&self) -> Target {
-        Target {
-            id: self.id.clone(),
-            rect: self.rect,
-            velocity: self.motion.velocity(),
-            confidence: self.confidence.reported(self.judged) as f32,
-            response: self.response as f32,
-            state: self.confidence.state(),
-            reacquired: self.reacquired,
-            age: self.age,
-            lost_for: self.lost_for,
-        }
     }
 
     fn retune(&mut self, params: &LcmhtParams) {

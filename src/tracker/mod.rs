@@ -2,6 +2,8 @@
 
 pub mod etepf;
 pub mod lcmht;
+pub mod maptrack;
+mod targets;
 
 use std::sync::Arc;
 
@@ -11,6 +13,9 @@ use crate::geometry::Rect;
 use crate::params::{Algorithm, Params};
 use crate::trace::Trace;
 
+/// Gives a target that was found, and that nobody named, an id that no other has.
+pub type NewId<'a> = dyn FnMut() -> Arc<str> + 'a;
+
 /// A tracker of one target or of several.
 ///
 /// Frames come in order. `dt` is the time since the frame before, in frame periods (1 where none was skipped).
@@ -19,14 +24,22 @@ pub trait Tracker: Send {
     /// One of the same id is begun anew.
     fn start(&mut self, id: &Arc<str>, frame: &Frame, rect: Rect, trace: &mut dyn Trace);
 
+    /// Whether it takes up what moves without a mark, so that frames mean something to it before there is any target.
+    fn finds(&self) -> bool {
+        false
+    }
+
     /// Forgets the target of this id.
     fn stop(&mut self, id: &str);
+
+    /// Forgets all targets, and all that it has learned from frames.
+    fn clear(&mut self);
 
     /// Follows one target into a frame that the others have been followed into already.
     fn catch_up(&mut self, id: &str, frame: &Frame, dt: f64, trace: &mut dyn Trace);
 
-    /// Follows all targets into the next frame.
-    fn step(&mut self, frame: &Frame, dt: f64, trace: &mut dyn Trace);
+    /// Follows all targets into the next frame, and takes up, under ids from `ids`, what it finds there.
+    fn step(&mut self, frame: &Frame, dt: f64, ids: &mut NewId, trace: &mut dyn Trace);
 
     /// Writes what is known of each target, in the order of their starts.
     fn report(&self, output: &mut Output);
@@ -40,6 +53,7 @@ pub fn build(params: &Params) -> Result<Box<dyn Tracker>, NetworkError> {
     match params.general.algorithm {
         Algorithm::Lcmht => Ok(Box::new(lcmht::Lcmht::new(params)?)),
         Algorithm::Etepf => Ok(Box::new(etepf::Etepf::new(params))),
+        Algorithm::Maptrack => Ok(Box::new(maptrack::Maptrack::new(params))),
     }
 }
 
@@ -47,7 +61,7 @@ pub fn build(params: &Params) -> Result<Box<dyn Tracker>, NetworkError> {
 pub fn check(old: &Params, new: &Params) -> Result<(), NetworkError> {
     match new.general.algorithm {
         Algorithm::Lcmht => lcmht::check(&old.lcmht, &new.lcmht),
-        Algorithm::Etepf => Ok(()),
+        Algorithm::Etepf | Algorithm::Maptrack => Ok(()),
     }
 }
 
@@ -85,7 +99,8 @@ pub struct Target {
     pub velocity: [f64; 2],
     /// Share of such boxes that can be expected to be right, 0 to 1.
     pub confidence: f32,
-    /// Peak of the fused response map; of ETEPF, the mean likelihood within the box.
+    /// Peak of the fused response map; of ETEPF, the mean likelihood within the box; of MAPTrack, how much of the target
+    /// moves or looks as it is remembered.
     pub response: f32,
     /// How sure the tracker is.
     pub state: State,
@@ -100,6 +115,6 @@ pub struct Target {
 /// What a tracker says of one frame.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Output {
-    /// In the order of their starts; none before the first mark.
+    /// In the order of their starts; none before the first mark, unless the tracker finds them.
     pub targets: Vec<Target>,
 }

@@ -1,0 +1,247 @@
+//! Many moving targets, found without a mark: MAPTrack (Basu, Karki, Stagg, DiBiano, Ganguly and Mukhopadhyay, *MAPTrack: a
+//! probabilistic real time tracking framework by integrating motion, appearance and position models*).
+//!
+//! What moves is told from the background by an adaptive mixture of Gaussians. Blobs of it that last are taken up as targets.
+//! A target is followed by three images of the region where it is expected: what moves, what has its colours, and how
+//! near each place is to the expected one; together they make the composite probability image, on which mean shift finds
+//! the target. One that is hidden is held where its velocity would have led it, until enough of it moves again.
+//! `Maptrack::step` is the way of a frame, `Track::step` that of a target in it.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `maptrack/view.rs` | the picture, what moves in it (section 3.2), and whose each moving pixel is |
+//! | `maptrack/find.rs` | the spatial and the temporal filter (sections 3.2.2 to 3.2.4, eq 1) |
+//! | `maptrack/track.rs` | one target: the framework of section 3.3, occlusions, what is learned |
+//! | `maptrack/region.rs` | the images of a region (eqs 4, 7, 9 to 11) |
+//! | `maptrack/colours.rs` | colour histograms (eqs 2 to 4) |
+//! | `maptrack/history.rs` | the motion history image (eq 8) |
+//! | `maptrack/path.rs` | velocity and expected places (eqs 5, 6, 12 and 13) |
+//! | `maptrack/state.rs` | what the images say of a target (table 1) |
+//! | `detect/background.rs`, `detect/blobs.rs` | the mixture of Gaussians; opening, closing and blobs |
+
+mod colours;
+mod find;
+mod history;
+mod path;
+mod region;
+mod state;
+mod track;
+mod view;
+
+use std::sync::Arc;
+
+use super::targets::Targets;
+use super::{NewId, Output, Tracker};
+use crate::detect::blobs::Blob;
+use crate::error::NetworkError;
+use crate::frame::Frame;
+use crate::geometry::{Rect, distance};
+use crate::params::{MaptrackParams, Params};
+use crate::trace::{Stage, Trace};
+use find::{Candidate, Candidates};
+use region::Region;
+use track::Track;
+use view::{NOBODY, View};
+
+/// A blob belongs to a target if they share this part of the smaller of their boxes.
+const SHARED: f64 = 0.3;
+/// Frames in a row that a target must lie over another one to be taken for the same.
+const DOUBLED: u32 = 8;
+/// What is around a target's box by no more than this factor is still the target's.
+const FRINGE: f64 = 1.2;
+
+/// The tracker.
+pub struct Maptrack {
+    params: MaptrackParams,
+    view: View,
+    region: Region,
+    candidates: Candidates,
+    targets: Targets<Track>,
+    /// Scratch: blobs that belong to no target, and what of each target's blobs is its alone.
+    unexplained: Vec<Blob>,
+    own: Vec<Option<Rect>>,
+}
+
+impl Maptrack {
+    /// A tracker that has seen nothing.
+    pub fn new(params: &Params) -> Self {
+        let params = params.maptrack.clone();
+        Self {
+            view: View::new(&params),
+            params,
+            region: Region::default(),
+            candidates: Candidates::default(),
+            targets: Targets::default(),
+            unexplained: Vec::new(),
+            own: Vec::new(),
+        }
+    }
+
+    /// Lets each target expect its place, and each moving pixel be the target's that it suits best.
+    fn share(&mut self, dt: f64) {
+        let Self { view, targets, params, .. } = self;
+        targets.iter_mut().for_each(|target| target.expect(dt));
+        if params.groups.share && targets.as_slice().len() > 1 {
+            view.open_claims();
+            for (i, target) in targets.as_slice().iter().enumerate().filter(|(_, target)| !target.is_hidden()) {
+                target.claim(view, number(i), params);
+            }
+        }
+    }
+
+    /// What of each target's blobs is its alone: the box around them.
+    fn assign(&mut self) {
+        let Self { view, targets, own, .. } = self;
+        let targets = targets.as_slice();
+        own.clear();
+        own.resize(targets.len(), None);
+        for blob in view.blobs() {
+            let touches = |target: &Track| {
+                let shared = blob.rect.intersection(&target.expected).area();
+                shared > SHARED * blob.rect.area().min(target.expected.area())
+            };
+            let mut touched = (0..targets.len()).filter(|&i| touches(&targets[i]));
+            if let (Some(i), None) = (touched.next(), touched.next()) {
+                own[i] = Some(own[i].map_or(blob.rect, |rect| union(&rect, &blob.rect)));
+            }
+        }
+    }
+
+    /// Follows each target (section 3.3).
+    fn follow(&mut self, dt: f64, trace: &mut dyn Trace) {
+        let Self { view, region, targets, own, params, .. } = self;
+        for (i, (target, own)) in targets.iter_mut().zip(own).enumerate() {
+            target.step(view, region, number(i), *own, dt, params);
+            target.show(view, region, trace);
+            if i == 0 {
+                target.show_cues(view, region, trace);
+            }
+        }
+    }
+
+    /// Ends the tracks of targets that are gone, and of those that are others' doubles.
+    fn end(&mut self) {
+        let Self { view, targets, params, .. } = self;
+        let bounds = view.bounds();
+        let rects: Vec<(Rect, bool)> = targets.as_slice().iter().map(|t| (t.rect, t.is_hidden())).collect();
+        for (i, target) in targets.iter_mut().enumerate() {
+            let lies_over = |(rect, hidden): &(Rect, bool)| !hidden && rect.iou(&target.rect) > params.groups.duplicate;
+            let is_doubled = !target.is_hidden() && rects[..i].iter().any(lies_over);
+            target.doubled = if is_doubled { target.doubled + 1 } else { 0 };
+        }
+        targets.retain(|target| !target.has_ended(&bounds, params) && (target.is_marked || target.doubled < DOUBLED));
+    }
+
+    /// Takes up what moves and belongs to no target, once it is believed (section 3.2).
+    fn find(&mut self, dt: f64, ids: &mut NewId) {
+        let Self { view, region, candidates, targets, params, unexplained, .. } = self;
+        let found = targets.as_slice().iter().filter(|target| !target.is_marked).count();
+        let room = (params.find.most as usize).saturating_sub(found);
+        if params.find.most == 0 || !view.is_believed() {
+            candidates.clear();
+            return;
+        }
+        let boxes = targets.as_slice().iter().filter(|t| !t.is_hidden()).map(|target| target.rect.scaled(FRINGE));
+        view.unexplained(boxes, params.find.lambda, unexplained);
+        let mut started = 0;
+        candidates.step(unexplained, dt, view.bounds().area(), &params.find, |candidate| {
+            let track = Track::found("".into(), &candidate, view, region, params);
+            if let Some(hidden) = recalled(targets, &track, &candidate, params) {
+                hidden.take_over(track);
+            } else if started < room {
+                started += 1;
+                targets.add(Track::found(ids(), &candidate, view, region, params));
+            }
+        });
+    }
+}
+
+/// The hidden target that was found again, if it is one.
+fn recalled<'a>(
+    targets: &'a mut Targets<Track>,
+    track: &Track,
+    candidate: &Candidate,
+    params: &MaptrackParams,
+) -> Option<&'a mut Track> {
+    let reach = params.occlusion.widths * params.model.margin * candidate.rect.w;
+    let fits = |target: &&mut Track| {
+        target.is_hidden()
+            && distance(target.expected.centre(), candidate.rect.centre()) < reach
+            && target.likeness(track) > params.find.recall
+    };
+    let hidden = targets.iter_mut().filter(|target| fits(&target));
+    hidden.max_by(|a, b| a.likeness(track).total_cmp(&b.likeness(track)))
+}
+
+/// The number under which the target at this place in the list claims pixels; by their ranges there are not too many.
+fn number(index: usize) -> u8 {
+    NOBODY + 1 + index.min(usize::from(u8::MAX) - 1) as u8
+}
+
+/// The box around two.
+fn union(a: &Rect, b: &Rect) -> Rect {
+    let (x, y) = (a.x.min(b.x), a.y.min(b.y));
+    Rect::new(x, y, (a.x + a.w).max(b.x + b.w) - x, (a.y + a.h).max(b.y + b.h) - y)
+}
+
+impl Tracker for Maptrack {
+    fn start(&mut self, id: &Arc<str>, frame: &Frame, rect: Rect, trace: &mut dyn Trace) {
+        trace.stage(Stage::Learn);
+        let Self { view, region, params, .. } = self;
+        if view.is_fresh() {
+            view.look(frame, params);
+        } else {
+            view.see(frame, params);
+        }
+        let rect = view.into_view(&rect);
+        self.targets.add(Track::marked(id.clone(), rect, view, region, params));
+    }
+
+    fn finds(&self) -> bool {
+        self.params.find.most > 0
+    }
+
+    fn stop(&mut self, id: &str) {
+        self.targets.stop(id);
+    }
+
+    fn clear(&mut self) {
+        self.targets = Targets::default();
+        self.candidates.clear();
+        self.view = View::new(&self.params);
+    }
+
+    /// Motion in frames that have passed is not known any more: colours and position lead alone.
+    fn catch_up(&mut self, id: &str, frame: &Frame, dt: f64, trace: &mut dyn Trace) {
+        let Self { view, region, params, targets, .. } = self;
+        trace.stage(Stage::Localise);
+        if let Some(target) = targets.get_mut(id) {
+            view.see(frame, params);
+            target.expect(dt);
+            target.step(view, region, NOBODY, None, dt, params);
+            target.show(view, region, trace);
+        }
+    }
+
+    fn step(&mut self, frame: &Frame, dt: f64, ids: &mut NewId, trace: &mut dyn Trace) {
+        trace.stage(Stage::Features);
+        self.view.look(frame, &self.params);
+        trace.stage(Stage::Localise);
+        self.share(dt);
+        self.assign();
+        self.follow(dt, trace);
+        self.end();
+        trace.stage(Stage::Redetect);
+        self.find(dt, ids);
+    }
+
+    fn report(&self, output: &mut Output) {
+        self.targets.report(output);
+    }
+
+    fn retune(&mut self, params: &Params) -> Result<(), NetworkError> {
+        self.params = params.maptrack.clone();
+        self.view.retune(&self.params);
+        Ok(())
+    }
+}

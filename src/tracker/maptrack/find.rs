@@ -1,0 +1,103 @@
+//! Finding targets without a mark: blobs that fit in space and last in time (sections 3.2.2 to 3.2.4).
+//!
+//! Equation 1 as printed, `delta = (0.5^-n) v (-0.5^-n)`, is read as what a confidence gains or loses in a frame: in the n-th
+//! frame in a row that shows the blob it gains 0.5^-n, in the n-th frame in a row that does not it loses as much. So both
+//! double from frame to frame, and what is seen without a break is soon believed, what stays away soon forgotten.
+
+use crate::detect::blobs::Blob;
+use crate::geometry::{Rect, distance};
+use crate::params::MaptrackFind;
+
+/// A blob is the candidate of the frame before if its centre is no farther from it than so many of its larger side.
+const NEAR: f64 = 0.5;
+/// A blob this much longer than wide has an orientation.
+const LONG: f64 = 1.5;
+/// From one frame to the next a blob's area changes by no more than this factor.
+const GROWTH: f64 = 2.5;
+
+/// A blob that may become a target.
+#[derive(Clone, Debug)]
+pub(super) struct Candidate {
+    /// Where it is.
+    pub(super) rect: Rect,
+    /// Where it was seen first.
+    pub(super) from: [f64; 2],
+    /// Frame periods since.
+    pub(super) age: f64,
+    confidence: f64,
+    /// Frames in a row that have shown it, if positive, or have not.
+    run: i32,
+}
+
+impl Candidate {
+    fn new(rect: Rect) -> Self {
+        Self { rect, from: rect.centre(), age: 0.0, confidence: 0.0, run: 0 }
+    }
+
+    /// Gains or loses confidence (eq 1).
+    fn judge(&mut self, is_seen: bool, gain: f64) {
+        self.run = match (is_seen, self.run) {
+            (true, run) => run.max(0) + 1,
+            (false, run) => run.min(0) - 1,
+        };
+        let change = gain.powi(-self.run.abs());
+        self.confidence += if is_seen { change } else { -change };
+    }
+
+    /// Whether it has come away from where it was first seen: what only flickers, or was left in the background, has not.
+    fn has_moved(&self, settings: &MaptrackFind) -> bool {
+        distance(self.rect.centre(), self.from) >= settings.moved * self.rect.scale()
+    }
+}
+
+/// The prospective tracks.
+#[derive(Default)]
+pub(super) struct Candidates(Vec<Candidate>);
+
+impl Candidates {
+    /// Forgets all.
+    pub(super) fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    /// Goes on with the blobs of a frame that belong to no target (in no order); `area` is that of the picture. What is
+    /// believed now is taken out and handed to `start`.
+    pub(super) fn step(
+        &mut self,
+        blobs: &[Blob],
+        dt: f64,
+        area: f64,
+        settings: &MaptrackFind,
+        mut start: impl FnMut(Candidate),
+    ) {
+        let mut blobs: Vec<&Blob> = blobs.iter().filter(|blob| fits(blob, area, settings)).collect();
+        for candidate in &mut self.0 {
+            candidate.age += dt;
+            let far = |blob: &&Blob| distance(blob.rect.centre(), candidate.rect.centre());
+            let near = (0..blobs.len()).min_by(|&a, &b| far(&blobs[a]).total_cmp(&far(&blobs[b])));
+            let own = near.filter(|&i| {
+                let growth = blobs[i].rect.area() / candidate.rect.area();
+                far(&blobs[i]) <= NEAR * dt * candidate.rect.w.max(candidate.rect.h)
+                    && (1.0 / GROWTH..=GROWTH).contains(&growth)
+            });
+            candidate.judge(own.is_some(), settings.gain);
+            if let Some(i) = own {
+                candidate.rect = blobs.swap_remove(i).rect;
+            }
+        }
+        self.0.extend(blobs.iter().map(|blob| Candidate::new(blob.rect)));
+        let new = self.0.len() - blobs.len();
+        self.0[new..].iter_mut().for_each(|candidate| candidate.judge(true, settings.gain));
+        let is_ready = |c: &Candidate| c.run > 0 && c.confidence > settings.start && c.has_moved(settings);
+        self.0.extract_if(.., |candidate| is_ready(candidate)).for_each(&mut start);
+        self.0.retain(|candidate| candidate.confidence >= settings.drop);
+    }
+}
+
+/// The spatial filter (section 3.2.2): area and orientation.
+fn fits(blob: &Blob, area: f64, settings: &MaptrackFind) -> bool {
+    let share = blob.area / area;
+    let from_upright = 90.0 - blob.orientation.to_degrees().abs();
+    (settings.least_area..=settings.most_area).contains(&share)
+        && (blob.elongation < LONG || from_upright <= settings.orientation)
+}

@@ -1,0 +1,382 @@
+//! One target: `Track::step` is the framework of section 3.3, from the expected place to what is learned there.
+
+use std::sync::Arc;
+
+use super::colours::Colours;
+use super::find::Candidate;
+use super::history::History;
+use super::path::{Moment, Path};
+use super::region::{CELLS, Region, SIDE, Sums};
+use super::state::Inferred;
+use super::view::View;
+use crate::frame::MIN_TARGET_SIDE;
+use crate::geometry::{Rect, distance};
+use crate::params::MaptrackParams;
+use crate::trace::{Cues, ResponseMap, Trace};
+use crate::tracker::targets::Followed;
+use crate::tracker::{State, Target};
+
+/// Share of the remembered target that must move or match for its motion or colour to count as there (table 1).
+const PRESENT: f64 = 0.2;
+/// A step of mean shift shorter than this, in pixels, is the last.
+const STILL: f64 = 0.25;
+/// A blob says where its target is if its area is that of the box within this factor; its size counts within the next.
+const SIMILAR: f64 = 1.8;
+const COMPARABLE: f64 = 3.0;
+
+/// A target and all that is known of it.
+pub(super) struct Track {
+    id: Arc<str>,
+    /// Whether a user marked it: then it is never given up.
+    pub(super) is_marked: bool,
+    /// Where it is, in pixels of the view.
+    pub(super) rect: Rect,
+    /// Where it is expected in this frame.
+    pub(super) expected: Rect,
+    colours: Colours,
+    history: History,
+    path: Path,
+    hidden: Option<Hidden>,
+    sums: Sums,
+    inferred: Inferred,
+    state: State,
+    reacquired: bool,
+    age: u32,
+    lost_for: u32,
+    /// Frames in a row in which it has lain over an earlier one.
+    pub(super) doubled: u32,
+    /// The box and the velocity in pixels of the frame.
+    shown: (Rect, [f64; 2]),
+}
+
+/// How it is while something hides it.
+#[derive(Clone, Copy)]
+struct Hidden {
+    /// The moment from which its way is reckoned on (eq 13).
+    from: Moment,
+    /// The best visibility before.
+    best: f64,
+    /// Frame periods that it has been hidden.
+    time: f64,
+}
+
+impl Track {
+    /// Takes up the target in `rect`, of which nothing but the box is known: what is in it is the target's, the more surely
+    /// the nearer to its middle.
+    pub(super) fn marked(id: Arc<str>, rect: Rect, view: &View, region: &mut Region, params: &MaptrackParams) -> Self {
+        region.look(view, rect.scaled(params.model.margin), 0, &params.model);
+        let margin = params.model.margin;
+        let reach = |i: usize| ((i as f64 + 0.5) / SIDE as f64 - 0.5).abs() * 2.0 * margin;
+        let part = |cell: usize| {
+            let [across, down] = [reach(cell % SIDE), reach(cell / SIDE)];
+            (across.max(down) < 1.0, across.hypot(down) < 1.0)
+        };
+        let mut sides = vec![0; CELLS];
+        let mut shape = vec![0.0; CELLS];
+        for cell in (0..CELLS).filter(|&cell| region.inside[cell]) {
+            (sides[cell], shape[cell]) = match part(cell) {
+                (true, true) => (1, 1.0),
+                (true, false) => (0, 0.5),
+                _ => (-1, 0.0),
+            };
+        }
+        let mut track = Self::new(id, rect, &sides, &shape, region, params);
+        track.is_marked = true;
+        track.sums = region.sums(&track.history);
+        track.shown = (view.into_frame(&rect), [0.0; 2]);
+        track
+    }
+
+    /// Takes up a target that was found: what moves in its region is the target's.
+    pub(super) fn found(
+        id: Arc<str>,
+        found: &Candidate,
+        view: &View,
+        region: &mut Region,
+        params: &MaptrackParams,
+    ) -> Self {
+        region.look(view, found.rect.scaled(params.model.margin), 0, &params.model);
+        let moves = |cell: usize| region.motion[cell] > 0.0;
+        let sides: Vec<i8> = (0..CELLS).map(|c| i8::from(region.inside[c]) * if moves(c) { 1 } else { -1 }).collect();
+        let shape = region.motion.clone();
+        let mut track = Self::new(id, found.rect, &sides, &shape, region, params);
+        let place = found.rect.centre();
+        track.path = Path::new(found.from, track.sums.visibility, params.model.history);
+        track.path.go(place, track.sums.visibility, found.age.max(1.0), region.window.w);
+        track.shown = (view.into_frame(&found.rect), [0.0; 2]);
+        track
+    }
+
+    fn new(
+        id: Arc<str>,
+        rect: Rect,
+        sides: &[i8],
+        shape: &[f32],
+        region: &mut Region,
+        params: &MaptrackParams,
+    ) -> Self {
+        let mut colours = Colours::new();
+        colours.learn(&region.bins, sides, params.model.colours);
+        let history = History::new(shape);
+        region.compose(&colours, &history, &params.model);
+        let sums = region.sums(&history);
+        Self {
+            id,
+            is_marked: false,
+            rect,
+            expected: rect,
+            path: Path::new(rect.centre(), sums.visibility, params.model.history),
+            colours,
+            history,
+            hidden: None,
+            sums,
+            inferred: Inferred::Moving,
+            state: State::Tracking,
+            reacquired: false,
+            age: 0,
+            lost_for: 0,
+            doubled: 0,
+            shown: (rect, [0.0; 2]),
+        }
+    }
+
+    /// Whether something hides it.
+    pub(super) fn is_hidden(&self) -> bool {
+        self.hidden.is_some()
+    }
+
+    /// Expects the target where its velocity leads (eq 5) or, while it is hidden, where it would have come to (eq 13).
+    pub(super) fn expect(&mut self, dt: f64) {
+        let place = match &self.hidden {
+            None => self.path.expected(dt),
+            Some(hidden) => {
+                let time = self.path.last().time + hidden.time + dt - hidden.from.time;
+                [0, 1].map(|axis| hidden.from.place[axis] + hidden.from.velocity[axis] * time)
+            }
+        };
+        self.expected = Rect::around(place, self.rect.size());
+    }
+
+    /// Claims the moving pixels of the region that it is expected in (of which targets beyond the paper take each its own).
+    pub(super) fn claim(&self, view: &mut View, owner: u8, params: &MaptrackParams) {
+        let window = self.expected.scaled(params.model.margin);
+        let (prior, shape) = (self.history.share() as f32, self.history.image());
+        view.claim(&window, owner, |[across, down], rgb| {
+            let cell = (down * SIDE as f64) as usize * SIDE + (across * SIDE as f64) as usize;
+            shape[cell] * self.colours.probability(super::colours::bin(rgb), prior)
+        });
+    }
+
+    /// Follows the target into the frame that the view shows, where it is expected already. `blob` is what moves there and
+    /// is this target's alone.
+    pub(super) fn step(
+        &mut self,
+        view: &View,
+        region: &mut Region,
+        owner: u8,
+        blob: Option<Rect>,
+        dt: f64,
+        params: &MaptrackParams,
+    ) {
+        self.age = self.age.saturating_add(1);
+        let found = self.shift(view, region, owner, params);
+        self.sums = region.sums(&self.history);
+        let was_hidden = self.hidden;
+        self.hidden = self.judge(region, dt, params);
+        self.reacquired = false;
+        match self.hidden {
+            Some(_) => self.rect = Rect::around(found, self.rect.size()),
+            None => {
+                self.rect = self.settled(Rect::around(found, self.rect.size()), blob, &params.groups);
+                self.go_on(view, region, owner, was_hidden, dt, params);
+            }
+        }
+        self.infer(found, region, params);
+        self.shown = (view.into_frame(&self.rect), self.velocity(view));
+    }
+
+    /// Mean shift from the expected place (eqs 9 and 10); a hidden target does not go far from there.
+    fn shift(&self, view: &View, region: &mut Region, owner: u8, params: &MaptrackParams) -> [f64; 2] {
+        let from = self.expected.centre();
+        let mut place = from;
+        let look = |region: &mut Region, place| {
+            let window = Rect::around(place, self.expected.size()).scaled(params.model.margin);
+            region.look(view, window, owner, &params.model);
+            region.compose(&self.colours, &self.history, &params.model);
+        };
+        look(region, place);
+        for _ in 0..params.model.steps {
+            let by = region.shift();
+            let mut to = [place[0] + by[0], place[1] + by[1]];
+            if self.is_hidden() {
+                let [w, h] = region.window.size().map(|side| side * params.occlusion.drift);
+                to = [to[0].clamp(from[0] - w, from[0] + w), to[1].clamp(from[1] - h, from[1] + h)];
+            }
+            let moved = distance(place, to);
+            place = to;
+            look(region, place);
+            if moved < STILL {
+                break;
+            }
+        }
+        place
+    }
+
+    /// Whether the target is hidden: from when its visibility falls below a share of the best of late (eq 12), until enough
+    /// of it moves again (eq 14).
+    fn judge(&self, region: &Region, dt: f64, params: &MaptrackParams) -> Option<Hidden> {
+        let settings = &params.occlusion;
+        let width = region.window.w;
+        match self.hidden {
+            None => {
+                let best = self.path.best_visibility(width);
+                let from = self.path.base(self.path.last().place, width);
+                let is_far = distance(from.place, self.path.last().place) >= width;
+                let from = if is_far { from } else { self.path.last() };
+                (self.sums.visibility < settings.begin * best).then_some(Hidden { from, best, time: dt })
+            }
+            Some(hidden) => {
+                let is_back = self.sums.moving > settings.end * hidden.best;
+                (!is_back).then_some(Hidden { time: hidden.time + dt, ..hidden })
+            }
+        }
+    }
+
+    /// The box, closer to the blob that is its target's alone.
+    fn settled(&self, rect: Rect, blob: Option<Rect>, groups: &crate::params::MaptrackGroups) -> Rect {
+        let Some(blob) = blob else { return rect };
+        let ratio = (blob.area() / rect.area()).max(rect.area() / blob.area());
+        let part = |to: f64, from: f64, share: f64| from + share * (to - from);
+        let (from, to) = (rect.centre(), blob.centre());
+        let settle = if ratio <= SIMILAR { groups.settle } else { 0.0 };
+        let grow = if ratio <= COMPARABLE { groups.size } else { 0.0 };
+        let size = [0, 1].map(|i| part(blob.size()[i], rect.size()[i], grow).max(MIN_TARGET_SIDE));
+        Rect::around([0, 1].map(|i| part(to[i], from[i], settle)), size)
+    }
+
+    /// Goes on from where the target was found, and learns its colours and shape there (eqs 3 and 8).
+    fn go_on(
+        &mut self,
+        view: &View,
+        region: &mut Region,
+        owner: u8,
+        was_hidden: Option<Hidden>,
+        dt: f64,
+        params: &MaptrackParams,
+    ) {
+        let model = &params.model;
+        region.look(view, self.rect.scaled(model.margin), owner, model);
+        region.compose(&self.colours, &self.history, model);
+        self.sums = region.sums(&self.history);
+        let dt = dt + was_hidden.map_or(0.0, |hidden| hidden.time);
+        self.path.go(self.rect.centre(), self.sums.visibility, dt, region.window.w);
+        self.reacquired = was_hidden.is_some() && self.state == State::Lost;
+        if !view.is_believed() {
+            return;
+        }
+        self.history.learn(region.moving_and_alike(), model.shape);
+        let side = |cell: usize| match (region.inside[cell], region.motion[cell] > 0.0) {
+            (false, _) => 0,
+            (true, true) => 1,
+            (true, false) => -1,
+        };
+        let sides: [i8; CELLS] = std::array::from_fn(side);
+        self.colours.learn(&region.bins, &sides, model.colours);
+    }
+
+    /// The state by table 1, and what is said of it.
+    fn infer(&mut self, found: [f64; 2], region: &Region, params: &MaptrackParams) {
+        let reach = params.occlusion.drift * region.window.w.max(region.window.h);
+        let is_near = distance(found, self.expected.centre()) <= reach;
+        self.inferred = Inferred::of(self.sums.motion > PRESENT, self.sums.colour > PRESENT, is_near);
+        self.state = match (self.hidden, self.inferred) {
+            (Some(hidden), _) if hidden.time > params.occlusion.believed as f64 => State::Lost,
+            (Some(_), _) => State::Uncertain,
+            (None, Inferred::Moving | Inferred::Stopped) => State::Tracking,
+            (None, _) => State::Uncertain,
+        };
+        self.lost_for = if self.state == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
+    }
+
+    /// Whether the track ends: the target has been hidden for too long or would have come too far, or has left the picture.
+    /// That of a marked one never does.
+    pub(super) fn has_ended(&self, bounds: &Rect, params: &MaptrackParams) -> bool {
+        let [x, y] = self.rect.centre();
+        let is_inside = x >= 0.0 && y >= 0.0 && x < bounds.w && y < bounds.h;
+        let settings = &params.occlusion;
+        let is_gone = self.hidden.is_some_and(|hidden| {
+            let width = self.rect.w * params.model.margin;
+            hidden.time > settings.frames as f64
+                || distance(self.path.last().place, self.expected.centre()) > settings.widths * width
+        });
+        !self.is_marked && (is_gone || !is_inside)
+    }
+
+    /// How alike its colours are to those of another, 0 to 1.
+    pub(super) fn likeness(&self, other: &Self) -> f64 {
+        self.colours.likeness(&other.colours)
+    }
+
+    /// Goes on as that track, which was found to be the same target, with its own id.
+    pub(super) fn take_over(&mut self, other: Self) {
+        let was_lost = self.state == State::Lost;
+        let own = std::mem::replace(self, other);
+        self.id = own.id;
+        (self.is_marked, self.age, self.reacquired) = (own.is_marked, own.age, was_lost);
+    }
+
+    fn velocity(&self, view: &View) -> [f64; 2] {
+        let velocity = self.hidden.map_or(self.path.last().velocity, |hidden| hidden.from.velocity);
+        view.into_frame(&Rect::new(velocity[0], velocity[1], 0.0, 0.0)).centre()
+    }
+
+    /// Shows where the target was expected, and its composite image.
+    pub(super) fn show(&self, view: &View, region: &Region, trace: &mut dyn Trace) {
+        trace.prediction(view.into_frame(&self.expected));
+        let window = view.into_frame(&region.window);
+        trace.search_window(window);
+        trace.response(&ResponseMap { values: &region.composite, rows: SIDE, cols: SIDE, window });
+    }
+
+    /// Shows all images of its region.
+    pub(super) fn show_cues(&self, view: &View, region: &Region, trace: &mut dyn Trace) {
+        trace.cues(&Cues {
+            id: &self.id,
+            name: self.inferred.name(),
+            window: view.into_frame(&region.window),
+            rows: SIDE,
+            cols: SIDE,
+            images: [
+                ("motion", &region.motion),
+                ("colour", &region.colour),
+                ("position", &region.position),
+                ("composite", &region.composite),
+            ],
+        });
+    }
+
+    fn confidence(&self) -> f64 {
+        let hidden = self.hidden.map_or(1.0, |hidden| 0.5 / (1.0 + hidden.time / 5.0));
+        hidden * self.sums.seen.clamp(0.05, 1.0)
+    }
+}
+
+impl Followed for Track {
+    fn id(&self) -> &Arc<str> {
+        &self.id
+    }
+
+    fn report(&self) -> Target {
+        Target {
+            id: self.id.clone(),
+            rect: self.shown.0,
+            velocity: self.shown.1,
+            confidence: self.confidence() as f32,
+            response: self.sums.seen as f32,
+            state: self.state,
+            reacquired: self.reacquired,
+            age: self.age,
+            lost_for: self.lost_for,
+        }
+    }
+}
