@@ -66,6 +66,15 @@ group! {
 }
 
 group! {
+    /// The pattern of marked targets; the paper has none of it.
+    pub struct MaptrackPattern at "maptrack.pattern." {
+        enabled: bool = true; "Knows a marked target by its pattern as well: where a correlation filter on HOG and colour names recognises it, it is taken to be there; where not, the paper's images decide."
+        window: f64 = 4.0, in 1.5..=8.0, unit "target sizes"; "Side of the area in which it is looked for."
+        certain: f64 = 0.5, in 0.0..=10.0; "Response above which it is recognised, in units of what the target usually gets."
+    }
+}
+
+group! {
     /// What keeps targets apart and boxes tight; the paper has none of it.
     pub struct MaptrackGroups at "maptrack.groups." {
         share: bool = true; "Gives each moving pixel to one target, the one whose colours and shape it suits best, so that none swallows another."
@@ -97,6 +106,8 @@ groups! {
         model: MaptrackModel,
         /// What hides a target.
         occlusion: MaptrackOcclusion,
+        /// The pattern of marked targets.
+        pattern: MaptrackPattern,
         /// What keeps targets apart.
         groups: MaptrackGroups,
     }

@@ -17,8 +17,8 @@
 //! | `lcmht/confidence.rs` | the states, from the response |
 //! | `detect/online.rs` | the support vector machine (eqs 10 to 16) |
 
-mod appearance;
-mod confidence;
+pub(super) mod appearance;
+pub(super) mod confidence;
 mod motion;
 mod neighbours;
 
@@ -42,7 +42,7 @@ use motion::Motion;
 use neighbours::Neighbours;
 
 /// Area of the scale filter's crops, in square pixels.
-const SCALE_AREA: f64 = 512.0;
+pub(super) const SCALE_AREA: f64 = 512.0;
 /// Share of the usual response that a peak must have to be the target's where a neighbour needs a better one.
 const ALTERNATIVE: f64 = 0.25;
 /// Likelihood of a peak that the motion model has nothing to do with, where peaks are assigned.

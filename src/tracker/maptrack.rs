@@ -16,6 +16,7 @@
 //! | `maptrack/colours.rs` | colour histograms (eqs 2 to 4) |
 //! | `maptrack/history.rs` | the motion history image (eq 8) |
 //! | `maptrack/path.rs` | velocity and expected places (eqs 5, 6, 12 and 13) |
+//! | `maptrack/pattern.rs` | the pattern of a marked target |
 //! | `maptrack/state.rs` | what the images say of a target (table 1) |
 //! | `detect/background.rs`, `detect/blobs.rs` | the mixture of Gaussians; opening, closing and blobs |
 
@@ -23,6 +24,7 @@ mod colours;
 mod find;
 mod history;
 mod path;
+mod pattern;
 mod region;
 mod state;
 mod track;
@@ -32,6 +34,7 @@ use std::sync::Arc;
 
 use super::targets::Targets;
 use super::{NewId, Output, Tracker};
+use crate::crop::Cropper;
 use crate::detect::blobs::Blob;
 use crate::error::NetworkError;
 use crate::frame::Frame;
@@ -53,6 +56,7 @@ const FRINGE: f64 = 1.2;
 /// The tracker.
 pub struct Maptrack {
     params: MaptrackParams,
+    cropper: Cropper,
     view: View,
     region: Region,
     candidates: Candidates,
@@ -69,6 +73,7 @@ impl Maptrack {
         Self {
             view: View::new(&params),
             params,
+            cropper: Cropper::default(),
             region: Region::default(),
             candidates: Candidates::default(),
             targets: Targets::default(),
@@ -77,10 +82,13 @@ impl Maptrack {
         }
     }
 
-    /// Lets each target expect its place, and each moving pixel be the target's that it suits best.
-    fn share(&mut self, dt: f64) {
-        let Self { view, targets, params, .. } = self;
-        targets.iter_mut().for_each(|target| target.expect(dt));
+    /// Lets each target expect its place or recognise it, and each moving pixel be the target's that it suits best.
+    fn share(&mut self, frame: &Frame, dt: f64) {
+        let Self { view, targets, cropper, params, .. } = self;
+        for target in targets.iter_mut() {
+            target.expect(dt);
+            target.recognise(frame, cropper, view);
+        }
         if params.groups.share && targets.as_slice().len() > 1 {
             view.open_claims();
             for (i, target) in targets.as_slice().iter().enumerate().filter(|(_, target)| !target.is_hidden()) {
@@ -187,14 +195,15 @@ fn union(a: &Rect, b: &Rect) -> Rect {
 impl Tracker for Maptrack {
     fn start(&mut self, id: &Arc<str>, frame: &Frame, rect: Rect, trace: &mut dyn Trace) {
         trace.stage(Stage::Learn);
-        let Self { view, region, params, .. } = self;
+        let Self { view, region, params, cropper, .. } = self;
         if view.is_fresh() {
             view.look(frame, params);
         } else {
             view.see(frame, params);
         }
-        let rect = view.into_view(&rect);
-        self.targets.add(Track::marked(id.clone(), rect, view, region, params));
+        let mut track = Track::marked(id.clone(), view.into_view(&rect), view, region, params);
+        track.learn_pattern(frame, cropper, &rect, params);
+        self.targets.add(track);
     }
 
     fn finds(&self) -> bool {
@@ -213,11 +222,12 @@ impl Tracker for Maptrack {
 
     /// Motion in frames that have passed is not known any more: colours and position lead alone.
     fn catch_up(&mut self, id: &str, frame: &Frame, dt: f64, trace: &mut dyn Trace) {
-        let Self { view, region, params, targets, .. } = self;
+        let Self { view, region, params, targets, cropper, .. } = self;
         trace.stage(Stage::Localise);
         if let Some(target) = targets.get_mut(id) {
             view.see(frame, params);
             target.expect(dt);
+            target.recognise(frame, cropper, view);
             target.step(view, region, NOBODY, None, dt, params);
             target.show(view, region, trace);
         }
@@ -227,7 +237,7 @@ impl Tracker for Maptrack {
         trace.stage(Stage::Features);
         self.view.look(frame, &self.params);
         trace.stage(Stage::Localise);
-        self.share(dt);
+        self.share(frame, dt);
         self.assign();
         self.follow(dt, trace);
         self.end();

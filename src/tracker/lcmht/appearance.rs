@@ -26,7 +26,7 @@ const PEAKS: usize = 8;
 const MIN_CELLS: usize = 8;
 
 /// The filter and the window that it looks through.
-pub(super) struct Appearance {
+pub(in crate::tracker) struct Appearance {
     settings: LcmhtFilter,
     rows: usize,
     cols: usize,
@@ -49,17 +49,17 @@ enum Filter {
 
 /// A place that the filter answers to.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Answer {
+pub(in crate::tracker) struct Answer {
     /// Centre of a target there, in pixels.
-    pub(super) centre: [f64; 2],
+    pub(in crate::tracker) centre: [f64; 2],
     /// The response.
-    pub(super) response: f64,
+    pub(in crate::tracker) response: f64,
 }
 
 impl Appearance {
     /// Learns the target in `rect`. Gives the response to the very sample it was trained on as well. The network is
     /// there if the parameters want its layers.
-    pub(super) fn new(
+    pub(in crate::tracker) fn new(
         params: &LcmhtParams,
         cnn: Option<SharedCnn>,
         frame: &Frame,
@@ -108,18 +108,18 @@ impl Appearance {
     }
 
     /// Takes over rates. What shapes the filter needs a new [`Appearance`]: see [`reshapes`].
-    pub(super) fn retune(&mut self, settings: &LcmhtFilter) {
+    pub(in crate::tracker) fn retune(&mut self, settings: &LcmhtFilter) {
         self.settings = settings.clone();
     }
 
     /// Looks for a target of size `size` around `centre`: fills the sample and the response map (eqs 5 and 6).
-    pub(super) fn look(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
+    pub(in crate::tracker) fn look(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
         self.see(frame, cropper, centre, size);
         self.respond();
     }
 
     /// The best local maximum of the response map (eq 7), by its response times what `prior` makes of its place.
-    pub(super) fn best(&mut self, prior: impl Fn([f64; 2]) -> f64) -> Answer {
+    pub(in crate::tracker) fn best(&mut self, prior: impl Fn([f64; 2]) -> f64) -> Answer {
         self.peaks.clear();
         local_maxima(&self.response, self.rows, self.cols, 0.0, PEAKS, self.settings.subcell, &mut self.peaks);
         self.answers.clear();
@@ -133,12 +133,12 @@ impl Appearance {
     }
 
     /// The local maxima that [`best`](Self::best) last chose from, highest first.
-    pub(super) fn answers(&self) -> &[Answer] {
+    pub(in crate::tracker) fn answers(&self) -> &[Answer] {
         &self.answers
     }
 
     /// The highest response of the map.
-    pub(super) fn highest(&self) -> Answer {
+    pub(in crate::tracker) fn highest(&self) -> Answer {
         self.answer(&highest(&self.response, self.rows, self.cols, self.settings.subcell))
     }
 
@@ -153,7 +153,7 @@ impl Appearance {
 
     /// Learns the target at `centre` (eqs 4 and 8). By default the sample of the last look is shifted there; the paper
     /// cuts it anew.
-    pub(super) fn learn(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
+    pub(in crate::tracker) fn learn(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
         if self.settings.recrop {
             self.see(frame, cropper, centre, size);
         } else {
@@ -168,7 +168,7 @@ impl Appearance {
     }
 
     /// Shows the response map of the last look.
-    pub(super) fn show(&mut self, trace: &mut dyn Trace) {
+    pub(in crate::tracker) fn show(&mut self, trace: &mut dyn Trace) {
         trace.search_window(self.window);
         centred(&self.response, self.rows, self.cols, &mut self.shown);
         trace.response(&ResponseMap { values: &self.shown, rows: self.rows, cols: self.cols, window: self.window });
@@ -195,7 +195,10 @@ impl Appearance {
 }
 
 /// The network that the parameters ask for: the one that is loaded where it is the same.
-pub(super) fn network(params: &LcmhtParams, loaded: Option<&SharedCnn>) -> Result<Option<SharedCnn>, NetworkError> {
+pub(in crate::tracker) fn network(
+    params: &LcmhtParams,
+    loaded: Option<&SharedCnn>,
+) -> Result<Option<SharedCnn>, NetworkError> {
     if !params.cnn.enabled {
         return Ok(None);
     }
@@ -207,7 +210,7 @@ pub(super) fn network(params: &LcmhtParams, loaded: Option<&SharedCnn>) -> Resul
 }
 
 /// Whether a change of parameters needs a new filter: all but the rates do.
-pub(super) fn reshapes(old: &LcmhtParams, new: &LcmhtParams) -> bool {
+pub(in crate::tracker) fn reshapes(old: &LcmhtParams, new: &LcmhtParams) -> bool {
     let shape = |f: &LcmhtFilter| LcmhtFilter {
         learning_rate: 0.0,
         interval: 1,

@@ -22,7 +22,7 @@ const ODDS_AT_ZERO: f64 = -1.1;
 const LOST_SHARE: f64 = 0.1;
 
 /// The state of one target.
-pub(super) struct Confidence {
+pub(in crate::tracker) struct Confidence {
     settings: LcmhtConfidence,
     reference: f64,
     state: State,
@@ -33,7 +33,7 @@ pub(super) struct Confidence {
 
 impl Confidence {
     /// A target that is tracked and whose training sample got `response`.
-    pub(super) fn new(settings: &LcmhtConfidence, response: f64) -> Self {
+    pub(in crate::tracker) fn new(settings: &LcmhtConfidence, response: f64) -> Self {
         Self {
             settings: settings.clone(),
             reference: (FIRST_SHARE * response).max(LEAST_REFERENCE),
@@ -43,28 +43,28 @@ impl Confidence {
         }
     }
 
-    pub(super) fn retune(&mut self, settings: &LcmhtConfidence) {
+    pub(in crate::tracker) fn retune(&mut self, settings: &LcmhtConfidence) {
         self.settings = settings.clone();
     }
 
     /// The state after the last frame.
-    pub(super) fn state(&self) -> State {
+    pub(in crate::tracker) fn state(&self) -> State {
         self.state
     }
 
     /// The response that the target usually gets.
-    pub(super) fn usual(&self) -> f64 {
+    pub(in crate::tracker) fn usual(&self) -> f64 {
         self.reference
     }
 
     /// The response in the unit of the thresholds.
-    pub(super) fn quality(&self, response: f64) -> f64 {
+    pub(in crate::tracker) fn quality(&self, response: f64) -> f64 {
         if self.settings.relative { response / self.reference } else { response }
     }
 
     /// The confidence to report for a box that got `response`: calibrated, how probable it is that the box overlaps the
     /// target by more than half, otherwise the quality. In `0..=1`.
-    pub(super) fn reported(&self, response: f64) -> f64 {
+    pub(in crate::tracker) fn reported(&self, response: f64) -> f64 {
         let quality = self.quality(response).clamp(0.0, 1.0);
         if !self.settings.calibrated {
             return quality;
@@ -74,22 +74,22 @@ impl Confidence {
     }
 
     /// Whether a response shows the target (at least T_ad).
-    pub(super) fn is_certain(&self, response: f64) -> bool {
+    pub(in crate::tracker) fn is_certain(&self, response: f64) -> bool {
         self.quality(response) >= self.settings.activate
     }
 
     /// Whether a response at a place that the detector proposes is good enough to take up the target there.
-    pub(super) fn is_convincing(&self, response: f64) -> bool {
+    pub(in crate::tracker) fn is_convincing(&self, response: f64) -> bool {
         self.quality(response) >= self.settings.reacquire
     }
 
     /// Whether a response is good enough to teach the detector (at least T_td).
-    pub(super) fn is_exemplary(&self, response: f64) -> bool {
+    pub(in crate::tracker) fn is_exemplary(&self, response: f64) -> bool {
         self.quality(response) >= self.settings.train
     }
 
     /// How far a response is to be believed, 0 to 1.
-    pub(super) fn trust(&self, response: f64) -> f64 {
+    pub(in crate::tracker) fn trust(&self, response: f64) -> f64 {
         if self.settings.activate > 0.0 {
             (self.quality(response) / self.settings.activate).clamp(0.0, 1.0)
         } else {
@@ -99,7 +99,7 @@ impl Confidence {
 
     /// Takes in the response of a frame in which the target was looked for where it was expected. A lost target stays
     /// lost until [`found`](Self::found) says otherwise.
-    pub(super) fn assess(&mut self, response: f64) -> State {
+    pub(in crate::tracker) fn assess(&mut self, response: f64) -> State {
         let quality = self.quality(response);
         if self.state == State::Lost {
             return State::Lost;
@@ -121,7 +121,7 @@ impl Confidence {
     }
 
     /// The target is there.
-    pub(super) fn found(&mut self) {
+    pub(in crate::tracker) fn found(&mut self) {
         self.state = State::Tracking;
         self.uncertain = 0;
         self.sum = 0.0;

@@ -6,10 +6,12 @@ use super::colours::Colours;
 use super::find::Candidate;
 use super::history::History;
 use super::path::{Moment, Path};
+use super::pattern::{Pattern, Recognised};
 use super::region::{CELLS, Region, SIDE, Sums};
 use super::state::Inferred;
 use super::view::View;
-use crate::frame::MIN_TARGET_SIDE;
+use crate::crop::Cropper;
+use crate::frame::{Frame, MIN_TARGET_SIDE};
 use crate::geometry::{Rect, distance};
 use crate::params::MaptrackParams;
 use crate::trace::{Cues, ResponseMap, Trace};
@@ -36,6 +38,9 @@ pub(super) struct Track {
     colours: Colours,
     history: History,
     path: Path,
+    /// Of a marked one, if patterns are wanted; and where it was recognised in this frame.
+    pattern: Option<Pattern>,
+    recognised: Option<Recognised>,
     hidden: Option<Hidden>,
     sums: Sums,
     inferred: Inferred,
@@ -128,6 +133,8 @@ impl Track {
             path: Path::new(rect.centre(), sums.visibility, params.model.history),
             colours,
             history,
+            pattern: None,
+            recognised: None,
             hidden: None,
             sums,
             inferred: Inferred::Moving,
@@ -140,9 +147,23 @@ impl Track {
         }
     }
 
-    /// Whether something hides it.
+    /// Learns the pattern of the target, which is in `rect` of the frame.
+    pub(super) fn learn_pattern(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect, params: &MaptrackParams) {
+        self.pattern = params.pattern.enabled.then(|| Pattern::new(frame, cropper, rect, &params.pattern));
+    }
+
+    /// Looks for the target's pattern around where it was.
+    pub(super) fn recognise(&mut self, frame: &Frame, cropper: &mut Cropper, view: &View) {
+        let last = view.into_frame(&self.rect);
+        self.recognised = self.pattern.as_mut().map(|pattern| pattern.recognise(frame, cropper, &last));
+        if let Some(recognised) = self.recognised {
+            self.expected = view.into_view(&recognised.rect);
+        }
+    }
+
+    /// Whether something hides it, or it is not recognised any more.
     pub(super) fn is_hidden(&self) -> bool {
-        self.hidden.is_some()
+        self.hidden.is_some() || self.state == State::Lost
     }
 
     /// Expects the target where its velocity leads (eq 5) or, while it is hidden, where it would have come to (eq 13).
@@ -187,7 +208,7 @@ impl Track {
         match self.hidden {
             Some(_) => self.rect = Rect::around(found, self.rect.size()),
             None => {
-                self.rect = self.settled(Rect::around(found, self.rect.size()), blob, &params.groups);
+                self.rect = self.settled(Rect::around(found, self.expected.size()), blob, &params.groups);
                 self.go_on(view, region, owner, was_hidden, dt, params);
             }
         }
@@ -199,13 +220,14 @@ impl Track {
     fn shift(&self, view: &View, region: &mut Region, owner: u8, params: &MaptrackParams) -> [f64; 2] {
         let from = self.expected.centre();
         let mut place = from;
+        let steps = if self.recognised.is_some() { 0 } else { params.model.steps };
         let look = |region: &mut Region, place| {
             let window = Rect::around(place, self.expected.size()).scaled(params.model.margin);
             region.look(view, window, owner, &params.model);
             region.compose(&self.colours, &self.history, &params.model);
         };
         look(region, place);
-        for _ in 0..params.model.steps {
+        for _ in 0..steps {
             let by = region.shift();
             let mut to = [place[0] + by[0], place[1] + by[1]];
             if self.is_hidden() {
@@ -227,6 +249,9 @@ impl Track {
     fn judge(&self, region: &Region, dt: f64, params: &MaptrackParams) -> Option<Hidden> {
         let settings = &params.occlusion;
         let width = region.window.w;
+        if self.recognised.is_some() {
+            return None;
+        }
         match self.hidden {
             None => {
                 let best = self.path.best_visibility(width);
@@ -244,7 +269,7 @@ impl Track {
 
     /// The box, closer to the blob that is its target's alone.
     fn settled(&self, rect: Rect, blob: Option<Rect>, groups: &crate::params::MaptrackGroups) -> Rect {
-        let Some(blob) = blob else { return rect };
+        let Some(blob) = blob.filter(|_| !self.is_marked) else { return rect };
         let ratio = (blob.area() / rect.area()).max(rect.area() / blob.area());
         let part = |to: f64, from: f64, share: f64| from + share * (to - from);
         let (from, to) = (rect.centre(), blob.centre());
@@ -270,8 +295,9 @@ impl Track {
         self.sums = region.sums(&self.history);
         let dt = dt + was_hidden.map_or(0.0, |hidden| hidden.time);
         self.path.go(self.rect.centre(), self.sums.visibility, dt, region.window.w);
-        self.reacquired = was_hidden.is_some() && self.state == State::Lost;
-        if !view.is_believed() {
+        let is_certain = self.recognised.is_none_or(|recognised| recognised.state == State::Tracking);
+        self.reacquired = is_certain && self.state == State::Lost;
+        if !view.is_believed() || !is_certain {
             return;
         }
         self.history.learn(region.moving_and_alike(), model.shape);
@@ -289,11 +315,11 @@ impl Track {
         let reach = params.occlusion.drift * region.window.w.max(region.window.h);
         let is_near = distance(found, self.expected.centre()) <= reach;
         self.inferred = Inferred::of(self.sums.motion > PRESENT, self.sums.colour > PRESENT, is_near);
-        self.state = match (self.hidden, self.inferred) {
-            (Some(hidden), _) if hidden.time > params.occlusion.believed as f64 => State::Lost,
-            (Some(_), _) => State::Uncertain,
-            (None, Inferred::Moving | Inferred::Stopped) => State::Tracking,
-            (None, _) => State::Uncertain,
+        self.state = match (self.recognised, self.hidden, self.inferred) {
+            (Some(recognised), ..) => recognised.state,
+            (None, Some(hidden), _) if hidden.time > params.occlusion.believed as f64 => State::Lost,
+            (None, None, Inferred::Moving | Inferred::Stopped) => State::Tracking,
+            _ => State::Uncertain,
         };
         self.lost_for = if self.state == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
     }
@@ -317,8 +343,13 @@ impl Track {
         self.colours.likeness(&other.colours)
     }
 
-    /// Goes on as that track, which was found to be the same target, with its own id.
+    /// Goes on as that track, which seems to be of the same target, with its own id.
     pub(super) fn take_over(&mut self, other: Self) {
+        if self.pattern.is_some() {
+            // The pattern has the last word: it looks there in the next frame.
+            self.rect = Rect::around(other.rect.centre(), self.rect.size());
+            return;
+        }
         let was_lost = self.state == State::Lost;
         let own = std::mem::replace(self, other);
         self.id = own.id;
@@ -356,6 +387,9 @@ impl Track {
     }
 
     fn confidence(&self) -> f64 {
+        if let Some(recognised) = self.recognised {
+            return recognised.confidence;
+        }
         let hidden = self.hidden.map_or(1.0, |hidden| 0.5 / (1.0 + hidden.time / 5.0));
         hidden * self.sums.seen.clamp(0.05, 1.0)
     }

@@ -1,0 +1,86 @@
+//! The pattern of a marked target, beyond the paper: LCMHT's correlation filter on HOG and colour names, and its scale
+//! filter. Histograms know neither where in a target a colour is nor anything of grey pictures; and where the camera moves,
+//! motion says nothing.
+
+use crate::crop::Cropper;
+use crate::dcf::scale::ScaleFilter;
+use crate::frame::{Frame, MIN_TARGET_SIDE};
+use crate::geometry::Rect;
+use crate::params::{LcmhtParams, MaptrackPattern};
+use crate::tracker::State;
+use crate::tracker::lcmht::SCALE_AREA;
+use crate::tracker::lcmht::appearance::{Answer, Appearance};
+use crate::tracker::lcmht::confidence::Confidence;
+
+/// The filters. All boxes are in pixels of the frame.
+pub(super) struct Pattern {
+    settings: LcmhtParams,
+    appearance: Appearance,
+    scale: ScaleFilter,
+    confidence: Confidence,
+    frames: u32,
+}
+
+/// Where a pattern is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Recognised {
+    /// The box: where the filter answers, as far as it is believed.
+    pub(super) rect: Rect,
+    /// How sure that is, as LCMHT tells it from the response of this frame and those before.
+    pub(super) state: State,
+    /// How probable it is that the box overlaps the target by more than half.
+    pub(super) confidence: f64,
+}
+
+impl Pattern {
+    /// Learns the pattern in `rect`.
+    pub(super) fn new(frame: &Frame, cropper: &mut Cropper, rect: &Rect, params: &MaptrackPattern) -> Self {
+        let mut settings = LcmhtParams::default();
+        settings.cnn.enabled = false;
+        settings.filter.window = params.window;
+        settings.confidence.activate = params.certain;
+        let (appearance, response) = Appearance::new(&settings, None, frame, cropper, rect);
+        let mut scale = ScaleFilter::new(rect, settings.scale.step, SCALE_AREA);
+        scale.learn(frame, cropper, rect, 1.0);
+        let confidence = Confidence::new(&settings.confidence, response);
+        Self { settings, appearance, scale, confidence, frames: 0 }
+    }
+
+    /// Looks for the pattern around `rect`. What is certain is learned.
+    pub(super) fn recognise(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> Recognised {
+        self.appearance.look(frame, cropper, rect.centre(), rect.size());
+        let Answer { centre, response } = self.appearance.best(|_| 1.0);
+        let was_lost = self.confidence.state() == State::Lost;
+        self.confidence.assess(response);
+        if was_lost && self.confidence.is_convincing(response) {
+            self.confidence.found();
+        }
+        let state = self.confidence.state();
+        let trust = if state == State::Lost { 0.0 } else { self.confidence.trust(response) };
+        let bounds = frame.bounds();
+        let (from, limits) = (rect.centre(), [bounds.w, bounds.h]);
+        let place = [0, 1].map(|i| (from[i] + trust * (centre[i] - from[i])).clamp(0.0, limits[i]));
+        let mut found = Rect::around(place, rect.size());
+        if state == State::Tracking {
+            found = self.rescaled(frame, cropper, &found);
+            self.learn(frame, cropper, &found);
+        }
+        Recognised { rect: found, state, confidence: self.confidence.reported(response) }
+    }
+
+    /// The box in the size that the scale filter finds, within what the image can hold.
+    fn rescaled(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> Rect {
+        let factor = self.scale.estimate(frame, cropper, rect);
+        let least = (MIN_TARGET_SIDE / rect.w.min(rect.h)).min(1.0);
+        let most = (f64::from(frame.width()) / rect.w).min(f64::from(frame.height()) / rect.h).max(1.0);
+        rect.scaled(factor.clamp(least, most))
+    }
+
+    fn learn(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect) {
+        self.frames = self.frames.wrapping_add(1);
+        if self.frames.is_multiple_of(self.settings.filter.interval as u32) {
+            self.appearance.learn(frame, cropper, rect.centre(), rect.size());
+            self.scale.learn(frame, cropper, rect, self.settings.scale.learning_rate as f32);
+        }
+    }
+}
