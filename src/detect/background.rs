@@ -13,14 +13,14 @@
 //!
 //! Distances are root mean squares over the planes, so that grey is measured as a colour of three equal planes.
 //!
-//! Pixels are worked on eight at a time without branches, or else this would take most of a frame's time.
+//! Pixels are worked on sixteen at a time without branches, or else this would take most of a frame's time.
 
 use multiversion::multiversion;
 
 use crate::crop::Patch;
 
 /// Pixels of a block.
-const LANES: usize = 8;
+const LANES: usize = 16;
 /// The most Gaussians a pixel may have.
 pub const MAX_GAUSSIANS: usize = 5;
 const PLANES: usize = 3;
@@ -68,12 +68,13 @@ impl Default for BackgroundSettings {
 struct Gaussian {
     weight: Lanes,
     mean: [Lanes; PLANES],
-    variance: Lanes,
+    /// One over the variance.
+    precision: Lanes,
 }
 
 impl Gaussian {
     /// One that has never been seen.
-    const NONE: Self = Self { weight: [0.0; LANES], mean: [[0.0; LANES]; PLANES], variance: [1.0; LANES] };
+    const NONE: Self = Self { weight: [0.0; LANES], mean: [[0.0; LANES]; PLANES], precision: [1.0; LANES] };
 }
 
 /// The numbers of a frame that are the same for all pixels.
@@ -169,33 +170,41 @@ impl Background {
 #[multiversion(targets("x86_64+avx2+fma"))]
 fn learn<const K: usize>(model: &mut [Gaussian], planes: [&[u8]; PLANES], rule: &Rule, mask: &mut [u8]) {
     let (blocks, _) = model.as_chunks_mut::<K>();
-    for (i, (gaussians, mask)) in blocks.iter_mut().zip(mask.chunks_mut(LANES)).enumerate() {
-        let mut colour = [[0.0; LANES]; PLANES];
-        for (values, plane) in colour.iter_mut().zip(planes) {
-            let from = &plane[i * LANES..i * LANES + mask.len()];
-            values.iter_mut().zip(from).for_each(|(v, p)| *v = f32::from(*p));
-        }
-        let moving = block(gaussians, &colour, rule);
-        mask.iter_mut().zip(moving).for_each(|(m, moves)| *m = u8::from(moves != 0.0));
+    let (whole, rest) = mask.as_chunks_mut::<LANES>();
+    let from = planes.map(|plane| plane.as_chunks::<LANES>());
+    for (i, (gaussians, mask)) in blocks.iter_mut().zip(&mut *whole).enumerate() {
+        *mask = block(gaussians, from.map(|(whole, _)| &whole[i]), rule);
+    }
+    if !rest.is_empty() {
+        // What the last block lacks is black.
+        let mut padded = [[0; LANES]; PLANES];
+        padded.iter_mut().zip(from).for_each(|(block, (_, rest))| block[..rest.len()].copy_from_slice(rest));
+        let moving = block(&mut blocks[whole.len()], padded.each_ref(), rule);
+        rest.copy_from_slice(&moving[..rest.len()]);
     }
 }
 
 /// Learns the colours of a block. Returns 1 where they are foreground, 0 elsewhere.
 #[inline(always)]
-fn block<const K: usize>(gaussians: &mut [Gaussian; K], colour: &[Lanes; PLANES], rule: &Rule) -> Lanes {
-    let owner = belongs(gaussians, colour, rule);
-    for (k, gaussian) in gaussians.iter_mut().enumerate() {
-        update(gaussian, k as f32, &owner, colour, rule);
+fn block<const K: usize>(gaussians: &mut [Gaussian; K], planes: [&[u8; LANES]; PLANES], rule: &Rule) -> [u8; LANES] {
+    let mut colour = [[0.0; LANES]; PLANES];
+    for (colour, plane) in colour.iter_mut().zip(planes) {
+        for i in 0..LANES {
+            colour[i] = f32::from(plane[i]);
+        }
     }
+    let colour = &colour;
+    let owner = belongs(gaussians, colour, rule);
+    update(gaussians, &owner, colour, rule);
     normalise(gaussians);
     let background = background(gaussians, rule.share);
     let mut moving = [1.0; LANES];
-    for (k, background) in background.iter().enumerate() {
+    for (owns, background) in owner.owns.iter().zip(&background) {
         for i in 0..LANES {
-            moving[i] = if owner.index[i] == k as f32 { 1.0 - background[i] } else { moving[i] };
+            moving[i] -= owns[i] * background[i];
         }
     }
-    if rule.shadow < 1.0 && moving.iter().any(|m| *m != 0.0) {
+    if rule.shadow < 1.0 && moving.iter().sum::<f32>() > 0.0 {
         for (gaussian, background) in gaussians.iter().zip(&background) {
             let shadowed = shadowed(gaussian, colour, rule);
             for i in 0..LANES {
@@ -203,7 +212,11 @@ fn block<const K: usize>(gaussians: &mut [Gaussian; K], colour: &[Lanes; PLANES]
             }
         }
     }
-    moving
+    let mut mask = [0; LANES];
+    for i in 0..LANES {
+        mask[i] = u8::from(moving[i] != 0.0);
+    }
+    mask
 }
 
 /// The square of what Gaussians are ordered by, weight over deviation.
@@ -211,12 +224,12 @@ fn block<const K: usize>(gaussians: &mut [Gaussian; K], colour: &[Lanes; PLANES]
 fn scores(gaussian: &Gaussian) -> Lanes {
     let mut scores = gaussian.weight;
     for i in 0..LANES {
-        scores[i] *= gaussian.weight[i] / gaussian.variance[i];
+        scores[i] *= gaussian.weight[i] * gaussian.precision[i];
     }
     scores
 }
 
-/// The square of the distance of colours from a mean.
+/// The mean squares, over the planes, of the distances of colours from a mean.
 #[inline(always)]
 fn distances(mean: &[Lanes; PLANES], colour: &[Lanes; PLANES]) -> Lanes {
     let mut sum = [0.0; LANES];
@@ -227,57 +240,81 @@ fn distances(mean: &[Lanes; PLANES], colour: &[Lanes; PLANES]) -> Lanes {
         }
     }
     for value in &mut sum {
-        *value /= PLANES as f32;
+        *value *= 1.0 / PLANES as f32;
     }
     sum
 }
 
-/// Which Gaussian each colour of a block belongs to.
-struct Owner {
-    index: Lanes,
-    /// 1 where it fits none and takes that Gaussian's place.
+/// The Gaussian that each colour of a block belongs to.
+struct Owner<const K: usize> {
+    /// 1 for that Gaussian, 0 for the others.
+    owns: [Lanes; K],
+    /// 1 where the colour fits none and takes that Gaussian's place, 0 elsewhere.
     new: Lanes,
+    /// Of all Gaussians.
+    distances: [Lanes; K],
 }
 
 /// The first Gaussian, by score, that the colour fits; the last of all where it fits none.
 #[inline(always)]
-fn belongs<const K: usize>(gaussians: &[Gaussian; K], colour: &[Lanes; PLANES], rule: &Rule) -> Owner {
-    let (mut best, mut fitting) = ([0.0; LANES], [0.0; LANES]);
-    let (mut least, mut last) = ([f32::INFINITY; LANES], [0.0; LANES]);
+fn belongs<const K: usize>(gaussians: &[Gaussian; K], colour: &[Lanes; PLANES], rule: &Rule) -> Owner<K> {
+    let mut owner = Owner { owns: [[0.0; LANES]; K], new: [0.0; LANES], distances: [[0.0; LANES]; K] };
+    let (mut index, mut best, mut least) = ([0.0; LANES], [0.0; LANES], [f32::INFINITY; LANES]);
     for (k, gaussian) in gaussians.iter().enumerate() {
         let (scores, distances) = (scores(gaussian), distances(&gaussian.mean, colour));
         for i in 0..LANES {
-            let fits = distances[i] <= rule.deviations * gaussian.variance[i];
-            let score = if fits { scores[i] } else { 0.0 };
-            fitting[i] = if score > best[i] { k as f32 } else { fitting[i] };
-            best[i] = best[i].max(score);
-            last[i] = if scores[i] < least[i] { k as f32 } else { last[i] };
-            least[i] = least[i].min(scores[i]);
+            let fits = distances[i] * gaussian.precision[i] <= rule.deviations;
+            let score = select(fits, scores[i], 0.0);
+            let last = (best[i] <= 0.0) & (scores[i] < least[i]);
+            index[i] = select((score > best[i]) | last, k as f32, index[i]);
+            best[i] = select(score > best[i], score, best[i]);
+            least[i] = select(scores[i] < least[i], scores[i], least[i]);
+        }
+        owner.distances[k] = distances;
+    }
+    for (k, owns) in owner.owns.iter_mut().enumerate() {
+        for i in 0..LANES {
+            owns[i] = select(index[i] == k as f32, 1.0, 0.0);
         }
     }
-    let new = best.map(|b| if b > 0.0 { 0.0 } else { 1.0 });
-    Owner { index: std::array::from_fn(|i| if new[i] != 0.0 { last[i] } else { fitting[i] }), new }
+    for i in 0..LANES {
+        owner.new[i] = select(best[i] > 0.0, 0.0, 1.0);
+    }
+    owner
 }
 
-/// The rule of the header for Gaussian `k`.
+/// The rule of the header. What its owner learns is worked out once a pixel, as divisions take long.
 #[inline(always)]
-fn update(gaussian: &mut Gaussian, k: f32, owner: &Owner, colour: &[Lanes; PLANES], rule: &Rule) {
-    let distances = distances(&gaussian.mean, colour);
-    // How far the mean goes towards the colour.
-    let mut rates = [0.0; LANES];
-    for i in 0..LANES {
-        let owns = owner.index[i] == k;
-        let new = owns && owner.new[i] != 0.0;
-        let kept = if new { 0.0 } else { (1.0 - rule.rate) * gaussian.weight[i] };
-        let weight = kept + if owns { rule.rate } else { 0.0 };
-        rates[i] = if owns { rule.rate / weight } else { 0.0 };
-        let learned = gaussian.variance[i] + rates[i] * (distances[i] - gaussian.variance[i]);
-        gaussian.variance[i] = if new { rule.initial } else { learned.max(rule.least) };
-        gaussian.weight[i] = weight;
-    }
-    for (mean, colour) in gaussian.mean.iter_mut().zip(colour) {
+fn update<const K: usize>(gaussians: &mut [Gaussian; K], owner: &Owner<K>, colour: &[Lanes; PLANES], rule: &Rule) {
+    let keep = 1.0 - rule.rate;
+    let (mut weights, mut precisions, mut distances) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+    for ((gaussian, owns), of) in gaussians.iter().zip(&owner.owns).zip(&owner.distances) {
         for i in 0..LANES {
-            mean[i] += rates[i] * (colour[i] - mean[i]);
+            weights[i] += owns[i] * gaussian.weight[i];
+            precisions[i] += owns[i] * gaussian.precision[i];
+            distances[i] += owns[i] * of[i];
+        }
+    }
+    let mut speeds = [0.0; LANES];
+    for i in 0..LANES {
+        // A new one has no weight from before: its mean learns at rate 1.
+        weights[i] = (1.0 - owner.new[i]) * keep * weights[i] + rule.rate;
+        speeds[i] = rule.rate / weights[i];
+        let variance = 1.0 / precisions[i];
+        let learned = variance + speeds[i] * (distances[i] - variance);
+        let learned = select(learned > rule.least, learned, rule.least);
+        precisions[i] = 1.0 / select(owner.new[i] > 0.0, rule.initial, learned);
+    }
+    for (gaussian, owns) in gaussians.iter_mut().zip(&owner.owns) {
+        for i in 0..LANES {
+            let other = 1.0 - owns[i];
+            gaussian.weight[i] = other * keep * gaussian.weight[i] + owns[i] * weights[i];
+            gaussian.precision[i] = other * gaussian.precision[i] + owns[i] * precisions[i];
+        }
+        for (mean, colour) in gaussian.mean.iter_mut().zip(colour) {
+            for i in 0..LANES {
+                mean[i] += owns[i] * speeds[i] * (colour[i] - mean[i]);
+            }
         }
     }
 }
@@ -291,10 +328,12 @@ fn normalise<const K: usize>(gaussians: &mut [Gaussian; K]) {
             sum[i] += gaussian.weight[i];
         }
     }
-    let scale = sum.map(|s| 1.0 / s);
+    for value in &mut sum {
+        *value = 1.0 / *value;
+    }
     for gaussian in gaussians {
         for i in 0..LANES {
-            gaussian.weight[i] *= scale[i];
+            gaussian.weight[i] *= sum[i];
         }
     }
 }
@@ -302,17 +341,22 @@ fn normalise<const K: usize>(gaussians: &mut [Gaussian; K]) {
 /// 1 for the Gaussians that are background: those before them, by score, have no more than the share of the weight.
 #[inline(always)]
 fn background<const K: usize>(gaussians: &[Gaussian; K], share: f32) -> [Lanes; K] {
-    let scores: [Lanes; K] = std::array::from_fn(|k| scores(&gaussians[k]));
-    std::array::from_fn(|k| {
-        let mut before = [0.0; LANES];
+    let (mut all, mut background) = ([[0.0; LANES]; K], [[0.0; LANES]; K]);
+    for (scores_of, gaussian) in all.iter_mut().zip(gaussians) {
+        *scores_of = scores(gaussian);
+    }
+    for (k, (scores, background)) in all.iter().zip(&mut background).enumerate() {
         for (j, gaussian) in gaussians.iter().enumerate() {
             for i in 0..LANES {
-                let first = if j < k { scores[j][i] >= scores[k][i] } else { scores[j][i] > scores[k][i] };
-                before[i] += if first { gaussian.weight[i] } else { 0.0 };
+                let first = (all[j][i] > scores[i]) | ((all[j][i] == scores[i]) & (j < k));
+                background[i] += select(first, gaussian.weight[i], 0.0);
             }
         }
-        before.map(|b| if b <= share { 1.0 } else { 0.0 })
-    })
+        for before in background {
+            *before = select(*before <= share, 1.0, 0.0);
+        }
+    }
+    background
 }
 
 /// 1 where the colours are the mean's, only darker: `a` times the mean comes closest to the colour, `a` lies between the
@@ -326,13 +370,27 @@ fn shadowed(gaussian: &Gaussian, colour: &[Lanes; PLANES], rule: &Rule) -> Lanes
             length[i] += mean[i] * mean[i];
         }
     }
-    let brightness: Lanes = std::array::from_fn(|i| along[i] / length[i].max(1.0));
-    let darker = gaussian.mean.map(|mean| std::array::from_fn(|i| brightness[i] * mean[i]));
+    let (mut darker, mut shadowed) = (gaussian.mean, [0.0; LANES]);
+    for i in 0..LANES {
+        along[i] /= length[i].max(1.0);
+    }
+    for mean in &mut darker {
+        for i in 0..LANES {
+            mean[i] *= along[i];
+        }
+    }
     let distortion = distances(&darker, colour);
-    std::array::from_fn(|i| {
-        let fits = distortion[i] <= rule.deviations * gaussian.variance[i];
-        if fits & (brightness[i] > rule.shadow) & (brightness[i] < 1.0) { 1.0 } else { 0.0 }
-    })
+    for i in 0..LANES {
+        let fits = distortion[i] * gaussian.precision[i] <= rule.deviations;
+        shadowed[i] = select(fits & (along[i] > rule.shadow) & (along[i] < 1.0), 1.0, 0.0);
+    }
+    shadowed
+}
+
+/// One of two values. Both are there before it is known which, so that no lane takes a branch.
+#[inline(always)]
+fn select(condition: bool, yes: f32, no: f32) -> f32 {
+    if condition { yes } else { no }
 }
 
 #[cfg(test)]
