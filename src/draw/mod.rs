@@ -3,6 +3,7 @@
 //!
 //! [`Scene`] is the [`Trace`](crate::trace::Trace) that keeps what one step shows; [`annotated`] and [`response`] draw it.
 
+mod cues;
 mod pen;
 mod scene;
 
@@ -87,7 +88,8 @@ pub fn annotated(frame: &Frame, output: &Output, scene: &Scene, max_side: u32) -
 }
 
 /// The fused response maps in colour, each in its place over the darkened frame, with the values of their peaks. Where
-/// the step made none, the darkened frame alone. No side is longer than `max_side` pixels.
+/// the step made none, the darkened frame alone. Where a target showed the images that its response is made of, they are
+/// below, one beside the other after the target's region. No side is longer than `max_side` pixels.
 pub fn response(frame: &Frame, scene: &Scene, max_side: u32) -> RgbImage {
     let mut image = rgb(frame, max_side);
     let place = placing(frame, &image);
@@ -99,6 +101,9 @@ pub fn response(frame: &Frame, scene: &Scene, max_side: u32) -> RgbImage {
     for map in &maps {
         pen.thin().outline(&mut image, &map.window, SEARCH_WINDOW);
         pen.label(&mut image, &map.window, &format!("peak {:.2}", highest(map)), PREDICTION);
+    }
+    if let Some(cues) = &scene.cues {
+        cues::strip(&mut image, frame, cues);
     }
     image
 }
@@ -222,7 +227,7 @@ mod tests {
     use super::pen::DARK;
     use super::*;
     use crate::frame::Encoding;
-    use crate::trace::{Proposal, Trace as _};
+    use crate::trace::{Cues, Proposal, Trace as _};
 
     const SIZE: (u32, u32) = (200, 120);
     /// Larger than any picture here.
@@ -317,6 +322,29 @@ mod tests {
         assert_eq!(*image.get_pixel(150, 100), Rgb([40; 3]), "around the map the frame is darkened");
         scene.clear();
         assert_eq!(*response(&frame(&data), &scene, FULL).get_pixel(50, 50), Rgb([40; 3]));
+    }
+
+    #[test]
+    fn the_images_of_a_region_stand_in_a_row_below() {
+        let data = grey();
+        let mut scene = Scene::default();
+        // Each image is full in one more quarter of its rows.
+        let values: [Vec<f32>; 4] =
+            std::array::from_fn(|i| (0..64).map(|cell| f32::from(u8::from(cell < 16 * (i + 1)))).collect());
+        let images = [0, 1, 2, 3].map(|i| (["a", "b", "c", "d"][i], values[i].as_slice()));
+        let window = Rect::new(60.0, 20.0, 30.0, 30.0);
+        scene.cues(&Cues { id: "7", name: "moving", window, rows: 8, cols: 8, images });
+        scene.cues(&Cues { id: "8", name: "moving", window: window.shifted(9.0, 9.0), rows: 8, cols: 8, images });
+        let image = response(&frame(&data), &scene, FULL);
+        // Panels of 30 px at the foot of the picture; the first is the region itself.
+        let [low, high] = [viridis(0.0), viridis(1.0)].map(Rgb);
+        assert_eq!(*image.get_pixel(15, 110), Rgb([100; 3]));
+        for panel in 1..5 {
+            let (x, top, foot) = (30 * panel + 28, 91, 118);
+            assert_eq!(*image.get_pixel(x, top), high, "panel {panel}");
+            assert_eq!(*image.get_pixel(x, foot), if panel < 4 { low } else { high }, "panel {panel}");
+        }
+        assert_eq!(*image.get_pixel(170, 110), Rgb([40; 3]));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::geometry::Rect;
-use crate::trace::{Proposal, ResponseMap, Trace};
+use crate::trace::{Cues, Proposal, ResponseMap, Trace};
 
 /// What one step shows of itself, of all targets. Clear it before each step; its buffers are reused.
 #[derive(Clone, Debug, Default)]
@@ -16,9 +16,22 @@ pub struct Scene {
     pub(super) particles: Vec<(Rect, f64)>,
     /// Names with the windows that they are of.
     pub(super) modes: Vec<(&'static str, Rect)>,
+    /// The images of the first target that showed them.
+    pub(super) cues: Option<KeptCues>,
     maps: Vec<MapShape>,
     /// Of all maps, one after the other.
     values: Vec<f32>,
+}
+
+/// The images of a target's region.
+#[derive(Clone, Debug)]
+pub(super) struct KeptCues {
+    /// The target's id, and what the images say of it.
+    pub(super) caption: String,
+    pub(super) window: Rect,
+    pub(super) rows: usize,
+    pub(super) cols: usize,
+    pub(super) images: [(&'static str, Vec<f32>); 4],
 }
 
 /// The shape of a map whose values are kept with those of others.
@@ -40,6 +53,7 @@ impl Scene {
         self.neighbours.clear();
         self.particles.clear();
         self.modes.clear();
+        self.cues = None;
         self.maps.clear();
         self.values.clear();
     }
@@ -72,6 +86,16 @@ impl Trace for Scene {
         self.values.extend_from_slice(map.values);
         let values = first..self.values.len();
         self.maps.push(MapShape { rows: map.rows, cols: map.cols, window: map.window, values });
+    }
+
+    fn cues(&mut self, cues: &Cues) {
+        self.cues.get_or_insert_with(|| KeptCues {
+            caption: format!("#{} {}", cues.id, cues.name),
+            window: cues.window,
+            rows: cues.rows,
+            cols: cues.cols,
+            images: cues.images.map(|(name, values)| (name, values.to_vec())),
+        });
     }
 
     fn proposals(&mut self, proposals: &[Proposal]) {

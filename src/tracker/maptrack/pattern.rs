@@ -24,7 +24,7 @@ pub(super) struct Pattern {
 /// Where a pattern is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Recognised {
-    /// The box: where the filter answers, as far as it is believed.
+    /// The box: where the filter answers best or, of a lost target, where it was.
     pub(super) rect: Rect,
     /// How sure that is, as LCMHT tells it from the response of this frame and those before.
     pub(super) state: State,
@@ -56,10 +56,10 @@ impl Pattern {
             self.confidence.found();
         }
         let state = self.confidence.state();
-        let trust = if state == State::Lost { 0.0 } else { self.confidence.trust(response) };
         let bounds = frame.bounds();
-        let (from, limits) = (rect.centre(), [bounds.w, bounds.h]);
-        let place = [0, 1].map(|i| (from[i] + trust * (centre[i] - from[i])).clamp(0.0, limits[i]));
+        // Targets may jump: half of the way there would be neither here nor there.
+        let place = if state == State::Lost { rect.centre() } else { centre };
+        let place = [place[0].clamp(0.0, bounds.w), place[1].clamp(0.0, bounds.h)];
         let mut found = Rect::around(place, rect.size());
         if state == State::Tracking {
             found = self.rescaled(frame, cropper, &found);
