@@ -32,7 +32,13 @@ impl Patch {
         }
     }
 
-    fn resize(&mut self, width: usize, height: usize, planes: usize) {
+    /// The planes, to be filled.
+    pub(crate) fn planes_mut(&mut self) -> &mut [Vec<u8>] {
+        &mut self.planes
+    }
+
+    /// Gives it a size and so many planes; what they hold is not defined.
+    pub(crate) fn resize(&mut self, width: usize, height: usize, planes: usize) {
         (self.width, self.height) = (width, height);
         self.planes.resize_with(planes, Vec::new);
         for plane in &mut self.planes {
