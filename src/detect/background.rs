@@ -152,6 +152,39 @@ impl Background {
         }
     }
 
+    /// Moves all that was learned by whole pixels, to the right and down: for a window that moves over the scene. Pixels
+    /// that come in know nothing, and take what they show first for background.
+    pub fn shift(&mut self, right: i64, down: i64) {
+        let [width, height, _] = self.shape.map(|n| n as i64);
+        let pixels = width * height;
+        // Backwards where they move forwards, so that none is written before it is read.
+        let forwards = down * width + right > 0;
+        for i in 0..pixels {
+            let to = if forwards { pixels - 1 - i } else { i };
+            let (x, y) = (to % width - right, to / width - down);
+            let from = ((0..width).contains(&x) && (0..height).contains(&y)).then(|| (y * width + x) as usize);
+            self.copy(from, to as usize);
+        }
+    }
+
+    /// Gives a pixel what another one, or none, knows.
+    fn copy(&mut self, from: Option<usize>, to: usize) {
+        let gaussians = self.settings.gaussians;
+        let lane = to % LANES;
+        for k in 0..gaussians {
+            let (source, other) = match from {
+                Some(from) => (self.model[from / LANES * gaussians + k], from % LANES),
+                None => (Gaussian::NONE, 0),
+            };
+            let target = &mut self.model[to / LANES * gaussians + k];
+            target.weight[lane] = source.weight[other];
+            target.precision[lane] = source.precision[other];
+            for (mean, from) in target.mean.iter_mut().zip(&source.mean) {
+                mean[lane] = from[other];
+            }
+        }
+    }
+
     fn rule(&self, planes: usize) -> Rule {
         let square = |value: f64| (value * value) as f32;
         let settings = &self.settings;
@@ -564,6 +597,36 @@ mod tests {
         assert_eq!(share(&mut background, &flat([40, 60, 80])), 1.0, "too dark");
         assert_eq!(share(&mut background, &flat([130, 195, 255])), 1.0, "a light is none");
         assert_eq!(share(&mut background, &flat([140, 105, 70])), 1.0, "of another colour");
+    }
+
+    #[test]
+    fn what_was_learned_moves_along_and_what_comes_in_is_new() {
+        let (width, height) = (37, 11);
+        let value = |x: i64, y: i64| [(x * 7 + 100) as u8, (y * 11 + 90) as u8, 60];
+        // The window's first pixel lies at (left, top) of the scene.
+        let window = |left: i64, top: i64| {
+            let pixels = (0..width * height).flat_map(|i| value(i % width + left, i / width + top));
+            patch(&pixels.collect::<Vec<u8>>(), width as usize, height as usize, Encoding::Rgb8)
+        };
+        for (right, down) in [(3, 0), (-5, 2), (0, -4), (9, 10), (-40, 0), (0, 0)] {
+            let mut background = Background::new(BackgroundSettings::default());
+            (0..30).for_each(|_| assert_eq!(share(&mut background, &window(0, 0)), 0.0));
+            background.shift(right, down);
+            assert_eq!(share(&mut background, &window(-right, -down)), 0.0, "{right} {down}");
+            // Where it is known, something else is foreground; what has come in has been seen once.
+            assert_eq!(share(&mut background, &flat_of(width, height, [250, 0, 250])), 1.0, "{right} {down}");
+            background.shift(right, down);
+            let known = (width - 2 * right.abs()).max(0) * (height - 2 * down.abs()).max(0);
+            let moved = share(&mut background, &window(0, 0)) * (width * height) as f64;
+            if right != 0 || down != 0 {
+                assert!(moved >= known as f64 * 0.9, "{right} {down}: {moved} of {known} moved");
+            }
+        }
+    }
+
+    fn flat_of(width: i64, height: i64, colour: [u8; 3]) -> Patch {
+        let data: Vec<u8> = (0..width * height).flat_map(|_| colour).collect();
+        patch(&data, width as usize, height as usize, Encoding::Rgb8)
     }
 
     #[test]
