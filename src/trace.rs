@@ -66,7 +66,7 @@ pub struct Cues<'a> {
     pub images: [(&'static str, &'a [f32]); 4],
 }
 
-/// A place where a lost target may be.
+/// A place where a lost target, or a new one, may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proposal {
     /// Where, in pixels.
@@ -87,7 +87,7 @@ pub trait Trace {
     fn response(&mut self, _map: &ResponseMap) {}
     /// The images that a response is made of, of one target.
     fn cues(&mut self, _cues: &Cues) {}
-    /// What the re-detector proposes on this frame.
+    /// What the re-detector proposes on this frame; of MAPTrack, the blobs of what moves.
     fn proposals(&mut self, _proposals: &[Proposal]) {}
     /// What looks like a target and is not: a box in pixels.
     fn neighbour(&mut self, _rect: Rect) {}

@@ -18,6 +18,7 @@
 //! | `maptrack/path.rs` | velocity and expected places (eqs 5, 6, 12 and 13) |
 //! | `maptrack/pattern.rs` | the pattern of a marked target |
 //! | `maptrack/state.rs` | what the images say of a target (table 1) |
+//! | `detect/stabilisation.rs`, `detect/camera.rs` | the camera's motion, and pictures without it (section 3.1) |
 //! | `detect/background.rs`, `detect/blobs.rs` | the mixture of Gaussians; opening, closing and blobs |
 
 mod colours;
@@ -40,8 +41,8 @@ use crate::error::NetworkError;
 use crate::frame::Frame;
 use crate::geometry::{Rect, distance};
 use crate::params::{MaptrackParams, Params};
-use crate::trace::{Stage, Trace};
-use find::{Candidate, Candidates};
+use crate::trace::{Proposal, Stage, Trace};
+use find::{Candidate, Candidates, fits};
 use region::Region;
 use track::Track;
 use view::{NOBODY, View};
@@ -64,6 +65,8 @@ pub struct Maptrack {
     /// Scratch: blobs that belong to no target, and what of each target's blobs is its alone.
     unexplained: Vec<Blob>,
     own: Vec<Option<Rect>>,
+    /// Scratch: the blobs to show.
+    proposals: Vec<Proposal>,
 }
 
 impl Maptrack {
@@ -79,7 +82,21 @@ impl Maptrack {
             targets: Targets::default(),
             unexplained: Vec::new(),
             own: Vec::new(),
+            proposals: Vec::new(),
         }
+    }
+
+    /// Takes out the camera's motion and finds what moves (sections 3.1 and 3.2).
+    fn look(&mut self, frame: &Frame, trace: &mut dyn Trace) {
+        let Self { view, targets, candidates, params, proposals, .. } = self;
+        let moved = view.look(frame, params);
+        targets.iter_mut().for_each(|target| target.shift(moved));
+        candidates.shift(moved);
+        let area = view.bounds().area();
+        proposals.clear();
+        let fitting = view.blobs().iter().filter(|blob| fits(blob, area, &params.find));
+        proposals.extend(fitting.map(|blob| Proposal { rect: view.into_frame(&blob.rect), score: 1.0 }));
+        trace.proposals(proposals);
     }
 
     /// Lets each target expect its place or recognise it, and each moving pixel be the target's that it suits best.
@@ -235,7 +252,7 @@ impl Tracker for Maptrack {
 
     fn step(&mut self, frame: &Frame, dt: f64, ids: &mut NewId, trace: &mut dyn Trace) {
         trace.stage(Stage::Features);
-        self.view.look(frame, &self.params);
+        self.look(frame, trace);
         trace.stage(Stage::Localise);
         self.share(frame, dt);
         self.assign();

@@ -55,6 +55,14 @@ impl Candidate {
 pub(super) struct Candidates(Vec<Candidate>);
 
 impl Candidates {
+    /// Moves all places, as the window of the view has moved over the scene by so much.
+    pub(super) fn shift(&mut self, [x, y]: [f64; 2]) {
+        for candidate in &mut self.0 {
+            candidate.rect = candidate.rect.shifted(-x, -y);
+            candidate.from = [candidate.from[0] - x, candidate.from[1] - y];
+        }
+    }
+
     /// Forgets all.
     pub(super) fn clear(&mut self) {
         self.0.clear();
@@ -94,8 +102,8 @@ impl Candidates {
     }
 }
 
-/// The spatial filter (section 3.2.2): area and orientation.
-fn fits(blob: &Blob, area: f64, settings: &MaptrackFind) -> bool {
+/// The spatial filter (section 3.2.2): area and orientation. `area` is that of the picture.
+pub(super) fn fits(blob: &Blob, area: f64, settings: &MaptrackFind) -> bool {
     let share = blob.area / area;
     let from_upright = 90.0 - blob.orientation.to_degrees().abs();
     (settings.least_area..=settings.most_area).contains(&share)

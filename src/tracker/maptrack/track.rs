@@ -200,7 +200,7 @@ impl Track {
         params: &MaptrackParams,
     ) {
         self.age = self.age.saturating_add(1);
-        let found = self.shift(view, region, owner, params);
+        let found = self.climb(view, region, owner, params);
         self.sums = region.sums(&self.history);
         let was_hidden = self.hidden;
         self.hidden = self.judge(region, dt, params);
@@ -217,7 +217,7 @@ impl Track {
     }
 
     /// Mean shift from the expected place (eqs 9 and 10); a hidden target does not go far from there.
-    fn shift(&self, view: &View, region: &mut Region, owner: u8, params: &MaptrackParams) -> [f64; 2] {
+    fn climb(&self, view: &View, region: &mut Region, owner: u8, params: &MaptrackParams) -> [f64; 2] {
         let from = self.expected.centre();
         let mut place = from;
         let steps = if self.recognised.is_some() { 0 } else { params.model.steps };
@@ -357,8 +357,17 @@ impl Track {
     }
 
     fn velocity(&self, view: &View) -> [f64; 2] {
-        let velocity = self.hidden.map_or(self.path.last().velocity, |hidden| hidden.from.velocity);
-        view.into_frame(&Rect::new(velocity[0], velocity[1], 0.0, 0.0)).centre()
+        view.velocity_into_frame(self.hidden.map_or(self.path.last().velocity, |hidden| hidden.from.velocity))
+    }
+
+    /// Moves all places, as the window of the view has moved over the scene by so much.
+    pub(super) fn shift(&mut self, moved: [f64; 2]) {
+        let [x, y] = moved.map(|v| -v);
+        self.rect = self.rect.shifted(x, y);
+        self.path.shift([x, y]);
+        if let Some(Hidden { from, .. }) = &mut self.hidden {
+            from.place = [from.place[0] + x, from.place[1] + y];
+        }
     }
 
     /// Shows where the target was expected, and its composite image.

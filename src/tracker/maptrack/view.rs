@@ -3,16 +3,30 @@
 use crate::crop::{Cropper, Patch};
 use crate::detect::background::{Background, BackgroundSettings};
 use crate::detect::blobs::{Blob, BlobFinder, Morphology};
+use crate::detect::camera::{Motion, warp};
+use crate::detect::stabilisation::Stabiliser;
 use crate::frame::Frame;
 use crate::geometry::Rect;
 use crate::params::MaptrackParams;
 
 /// Of moving pixels that are no target's.
 pub(super) const NOBODY: u8 = 0;
+/// The window of the view follows the camera when the picture has left it by this share of a side.
+const ASTRAY: f64 = 0.1;
+/// A camera that has turned by more than this, in radians, is taken for one that starts anew.
+const TURNED: f64 = 0.2;
 
 /// The picture of a frame, with its motion image. Coordinates are in its pixels, as everywhere in this tracker.
 pub(super) struct View {
     cropper: Cropper,
+    stabiliser: Stabiliser,
+    /// From the picture as it came to the view: what the camera did, less where the window is.
+    motion: Motion,
+    /// Where the window of the view is in the scene, in whole pixels from where it began.
+    origin: [f64; 2],
+    /// The picture as it came, where it is stabilised, and which pixels of the view it covers.
+    unsteady: Patch,
+    covered: Vec<u8>,
     background: Background,
     morphology: Morphology,
     finder: BlobFinder,
@@ -36,6 +50,11 @@ impl View {
     pub(super) fn new(params: &MaptrackParams) -> Self {
         Self {
             cropper: Cropper::default(),
+            stabiliser: Stabiliser::default(),
+            motion: Motion::none(0, 0),
+            origin: [0.0; 2],
+            unsteady: Patch::default(),
+            covered: Vec::new(),
             background: Background::new(settings(params)),
             morphology: Morphology::default(),
             finder: BlobFinder::default(),
@@ -62,21 +81,40 @@ impl View {
         self.background.frames() == 0
     }
 
-    /// Sees a frame without looking for motion: the motion image tells nothing.
+    /// Sees a frame without looking for motion: the motion image tells nothing. The camera is taken to be where it was.
     pub(super) fn see(&mut self, frame: &Frame, params: &MaptrackParams) {
         let (width, height) = (f64::from(frame.width()), f64::from(frame.height()));
         let scale = (params.image.pixels as f64 / (width * height)).sqrt().min(1.0);
         let [w, h] = [width, height].map(|side| (side * scale).round().max(1.0));
         self.factors = [width / w, height / h];
-        self.cropper.crop(frame, &frame.bounds(), w as usize, h as usize, &mut self.patch);
+        let (w, h) = (w as usize, h as usize);
+        if !params.stabilisation.enabled || self.size() != [w, h] {
+            (self.motion, self.origin) = (Motion::none(w, h), [0.0; 2]);
+            self.stabiliser.clear();
+        }
+        let seen = if params.stabilisation.enabled { &mut self.unsteady } else { &mut self.patch };
+        self.cropper.crop(frame, &frame.bounds(), w, h, seen);
+        self.steady(params);
         self.believed = false;
     }
 
-    /// Sees the next frame, what moves in it (section 3.2, the difference image) and in which blobs.
-    pub(super) fn look(&mut self, frame: &Frame, params: &MaptrackParams) {
+    /// Warps the picture into the view (section 3.1, step 4).
+    fn steady(&mut self, params: &MaptrackParams) {
+        if params.stabilisation.enabled {
+            warp(&self.unsteady, &self.motion, &mut self.patch, &mut self.covered);
+        } else {
+            self.covered.clear();
+        }
+    }
+
+    /// Sees the next frame, what moves in it (section 3.2, the difference image) and in which blobs. Returns by how much
+    /// the window of the view has moved over the scene, in whole pixels.
+    pub(super) fn look(&mut self, frame: &Frame, params: &MaptrackParams) -> [f64; 2] {
         self.see(frame, params);
+        let moved = if params.stabilisation.enabled { self.stabilise(params) } else { [0.0; 2] };
         self.background.apply(&self.patch, &mut self.moving);
         let [width, height] = self.size();
+        self.moving.iter_mut().zip(&self.covered).for_each(|(moving, covered)| *moving &= covered);
         self.morphology.open_close(&mut self.moving, width, height, params.find.lambda as usize);
         let count = self.moving.iter().map(|&m| u32::from(m)).sum::<u32>();
         self.believed = f64::from(count) <= params.background.believed * (width * height) as f64;
@@ -86,6 +124,37 @@ impl View {
         }
         self.owners.clear();
         self.owners.resize(width * height, NOBODY);
+        moved
+    }
+
+    /// Takes out the camera's motion (section 3.1). Where it goes far the window of the view goes along, and what is known
+    /// of the background moves with it; where nothing tells its motion, or it has turned far, the background is learned anew.
+    fn stabilise(&mut self, params: &MaptrackParams) -> [f64; 2] {
+        let [width, height] = [self.unsteady.width, self.unsteady.height];
+        let moved: [f64; 2];
+        match self.stabiliser.step(&self.unsteady) {
+            Some(motion) if motion.angle.abs() < TURNED => {
+                let limits = [width, height].map(|side| ASTRAY * side as f64);
+                moved = [0, 1].map(|i| {
+                    let astray = motion.shift[i] - self.origin[i];
+                    if astray.abs() > limits[i] { astray.round() } else { 0.0 }
+                });
+                if moved != [0.0; 2] {
+                    self.background.shift(-moved[0] as i64, -moved[1] as i64);
+                    self.origin = [0, 1].map(|i| self.origin[i] + moved[i]);
+                }
+                let shift = [0, 1].map(|i| motion.shift[i] - self.origin[i]);
+                self.motion = Motion { shift, ..motion };
+            }
+            _ => {
+                self.background.clear();
+                self.stabiliser.clear();
+                moved = self.motion.shift.map(|shift| -shift);
+                (self.motion, self.origin) = (Motion::none(width, height), [0.0; 2]);
+            }
+        }
+        self.steady(params);
+        moved
     }
 
     /// Width and height.
@@ -104,8 +173,8 @@ impl View {
     }
 
     /// Whether the frame shows anything there.
-    pub(super) fn shows(&self, _x: usize, _y: usize) -> bool {
-        true
+    pub(super) fn shows(&self, x: usize, y: usize) -> bool {
+        self.covered.is_empty() || self.covered[y * self.patch.width + x] != 0
     }
 
     /// Whether the motion image tells anything.
@@ -168,16 +237,23 @@ impl View {
         self.finder.find(&self.rest, width, blobs);
     }
 
-    /// A box of the frame in the view's pixels.
+    /// A box of the frame in the view's pixels. It stays upright, as the camera turns by little.
     pub(super) fn into_view(&self, rect: &Rect) -> Rect {
         let [x, y] = self.factors;
-        Rect::new(rect.x / x, rect.y / y, rect.w / x, rect.h / y)
+        let rect = Rect::new(rect.x / x, rect.y / y, rect.w / x, rect.h / y);
+        Rect::around(self.motion.apply(rect.centre()), rect.size())
     }
 
     /// A box of the view in the frame's pixels.
     pub(super) fn into_frame(&self, rect: &Rect) -> Rect {
         let [x, y] = self.factors;
+        let rect = Rect::around(self.motion.inverse().apply(rect.centre()), rect.size());
         Rect::new(rect.x * x, rect.y * y, rect.w * x, rect.h * y)
+    }
+
+    /// A velocity in the view in the frame's pixels.
+    pub(super) fn velocity_into_frame(&self, velocity: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|i| velocity[i] * self.factors[i])
     }
 }
 
