@@ -13,9 +13,9 @@ group! {
     /// The model of the background, by which motion is found (M).
     pub struct MaptrackBackground at "maptrack.background." {
         gaussians: i64 = 4, in 2..=5; "Gaussians of a pixel."
-        window: i64 = 200, in 2..=100000, unit "frames"; "Frames that count; what stands still for about this long, times 1 less the share, becomes background."
+        window: i64 = 500, in 2..=100000, unit "frames"; "Frames that count; what stands still for about this long, times 1 less the share, becomes background."
         share: f64 = 0.7, in 0.1..=0.999; "Share of the time that a pixel shows background."
-        deviations: f64 = 2.5, in 0.5..=10.0; "Standard deviations within which a colour fits a Gaussian."
+        deviations: f64 = 3.5, in 0.5..=10.0; "Standard deviations within which a colour fits a Gaussian."
         least_deviation: f64 = 4.0, in 0.5..=64.0; "Least standard deviation of a Gaussian, in intensities: the noise of the camera."
         shadow: f64 = 0.6, in 0.0..=1.0; "Share of the background's brightness that a shadow leaves at least; 1 looks for no shadows."
         believed: f64 = 0.5, in 0.0..=1.0; "Share of moving pixels above which motion tells nothing, for the camera has moved or the light has changed: colour and position go on alone, and nothing is found."
@@ -61,7 +61,7 @@ group! {
         frames: i64 = 150, in 1..=100000, unit "frames"; "Frames that a target may be hidden; then the track ends, or a marked one stays where it was seen last."
         widths: f64 = 3.0, in 0.1..=1000.0, unit "regions"; "Widths of the region of interest that a hidden target may be expected to have moved by, likewise."
         drift: f64 = 0.5, in 0.0..=2.0, unit "regions"; "How far from where it is expected a hidden target is looked for."
-        believed: i64 = 10, in 0..=100000, unit "frames"; "Frames for which a hidden target is uncertain; then it is lost."
+        believed: i64 = 3, in 0..=100000, unit "frames"; "Frames for which a hidden target is uncertain; then it is lost."
     }
 }
 

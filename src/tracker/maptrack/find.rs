@@ -109,3 +109,88 @@ pub(super) fn fits(blob: &Blob, area: f64, settings: &MaptrackFind) -> bool {
     (settings.least_area..=settings.most_area).contains(&share)
         && (blob.elongation < LONG || from_upright <= settings.orientation)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::Params;
+
+    fn settings() -> MaptrackFind {
+        Params::default().maptrack.find
+    }
+
+    /// An upright blob.
+    fn blob(x: f64) -> Blob {
+        let rect = Rect::new(x, 20.0, 10.0, 30.0);
+        let orientation = std::f64::consts::FRAC_PI_2;
+        Blob { rect, area: 250.0, centroid: rect.centre(), orientation, elongation: 3.0 }
+    }
+
+    /// The frames (from 1) in which something is started, of those that show the blob or not; it goes to the right.
+    fn started(settings: &MaptrackFind, shown: &[bool], speed: f64) -> Vec<usize> {
+        let mut candidates = Candidates::default();
+        let mut frames = Vec::new();
+        for (i, &is_shown) in shown.iter().enumerate() {
+            let blobs = [blob(20.0 + speed * i as f64)];
+            let blobs = if is_shown { blobs.as_slice() } else { &[] };
+            candidates.step(blobs, 1.0, 1e5, settings, |_| frames.push(i + 1));
+        }
+        frames
+    }
+
+    /// 2 + 4 + 8 + 16 + 32 = 62 is the first sum above 60.
+    #[test]
+    fn confidence_gains_twice_as_much_with_each_frame_in_a_row() {
+        assert_eq!(started(&settings(), &[true; 5], 3.0), [5]);
+        // 2 + 4 - 2 + 2 + 4 + 8 + 16 = 34, + 32 = 66.
+        assert_eq!(started(&settings(), &[true, true, false, true, true, true, true, true], 1.0), [8]);
+        let sooner = MaptrackFind { start: 5.0, ..settings() };
+        assert_eq!(started(&sooner, &[true; 3], 9.0)[0], 2);
+        let slower = MaptrackFind { gain: 0.8, ..settings() };
+        assert!(started(&slower, &[true; 8], 3.0).is_empty());
+    }
+
+    /// 2 - 2 = 0 is still kept, - 4 is not.
+    #[test]
+    fn what_stays_away_is_forgotten() {
+        let mut candidates = Candidates::default();
+        let mut step = |blobs: &[Blob]| {
+            candidates.step(blobs, 1.0, 1e5, &settings(), |_| panic!("too soon"));
+            candidates.0.iter().map(|candidate| candidate.confidence).collect::<Vec<_>>()
+        };
+        assert_eq!(step(&[blob(20.0)]), [2.0]);
+        assert_eq!(step(&[]), [0.0]);
+        assert!(step(&[]).is_empty());
+    }
+
+    #[test]
+    fn what_does_not_come_away_from_its_place_is_no_target() {
+        assert!(started(&settings(), &[true; 20], 0.0).is_empty());
+        let at_once = MaptrackFind { moved: 0.0, ..settings() };
+        assert_eq!(started(&at_once, &[true; 5], 0.0), [5]);
+    }
+
+    #[test]
+    fn blobs_must_fit_in_area_and_orientation() {
+        let upright = MaptrackFind { orientation: 30.0, ..settings() };
+        let fits = |blob: &Blob| fits(blob, 1e5, &upright);
+        assert!(fits(&blob(0.0)));
+        assert!(!fits(&Blob { area: 60.0, ..blob(0.0) }) && !fits(&Blob { area: 3e4, ..blob(0.0) }));
+        for (degrees, fit) in [(70.0f64, true), (-70.0, true), (50.0, false), (0.0, false)] {
+            assert_eq!(fits(&Blob { orientation: degrees.to_radians(), ..blob(0.0) }), fit, "{degrees}");
+        }
+        assert!(fits(&Blob { orientation: 0.0, elongation: 1.2, ..blob(0.0) }), "what is round has no orientation");
+    }
+
+    #[test]
+    fn blobs_side_by_side_become_targets_of_their_own() {
+        let mut candidates = Candidates::default();
+        let mut places = Vec::new();
+        for n in 0..5 {
+            let x = 3.0 * n as f64;
+            candidates
+                .step(&[blob(90.0 - x), blob(20.0 + x)], 1.0, 1e5, &settings(), |c| places.push((c.rect.x, c.age)));
+        }
+        assert_eq!(places, [(78.0, 4.0), (32.0, 4.0)]);
+    }
+}

@@ -13,7 +13,7 @@ use super::view::View;
 use crate::crop::Cropper;
 use crate::frame::{Frame, MIN_TARGET_SIDE};
 use crate::geometry::{Rect, distance};
-use crate::params::MaptrackParams;
+use crate::params::{MaptrackGroups, MaptrackParams};
 use crate::trace::{Cues, ResponseMap, Trace};
 use crate::tracker::targets::Followed;
 use crate::tracker::{State, Target};
@@ -22,9 +22,10 @@ use crate::tracker::{State, Target};
 const PRESENT: f64 = 0.2;
 /// A step of mean shift shorter than this, in pixels, is the last.
 const STILL: f64 = 0.25;
-/// A blob says where its target is if its area is that of the box within this factor; its size counts within the next.
-const SIMILAR: f64 = 1.8;
-const COMPARABLE: f64 = 3.0;
+/// A side of a blob says where its target is if it is as long as the box's within this factor; one that is longer by no more
+/// than the next says how long it is.
+const SIMILAR: f64 = 1.4;
+const COMPARABLE: f64 = 2.5;
 
 /// A target and all that is known of it.
 pub(super) struct Track {
@@ -267,16 +268,22 @@ impl Track {
         }
     }
 
-    /// The box, closer to the blob that is its target's alone.
-    fn settled(&self, rect: Rect, blob: Option<Rect>, groups: &crate::params::MaptrackGroups) -> Rect {
+    /// The box, closer to the blob that is its target's alone: each side by itself, for something may hide the target from one
+    /// side, or touch it there. A much smaller side tells nothing, a larger one how the box must grow.
+    fn settled(&self, rect: Rect, blob: Option<Rect>, groups: &MaptrackGroups) -> Rect {
         let Some(blob) = blob.filter(|_| !self.is_marked) else { return rect };
-        let ratio = (blob.area() / rect.area()).max(rect.area() / blob.area());
-        let part = |to: f64, from: f64, share: f64| from + share * (to - from);
-        let (from, to) = (rect.centre(), blob.centre());
-        let settle = if ratio <= SIMILAR { groups.settle } else { 0.0 };
-        let grow = if ratio <= COMPARABLE { groups.size } else { 0.0 };
-        let size = [0, 1].map(|i| part(blob.size()[i], rect.size()[i], grow).max(MIN_TARGET_SIDE));
-        Rect::around([0, 1].map(|i| part(to[i], from[i], settle)), size)
+        let (mut centre, mut size) = (rect.centre(), rect.size());
+        for i in 0..2 {
+            let ratio = blob.size()[i] / size[i];
+            if (1.0 / SIMILAR..=SIMILAR).contains(&ratio) {
+                centre[i] += groups.settle * (blob.centre()[i] - centre[i]);
+            }
+            if (1.0 / SIMILAR..=COMPARABLE).contains(&ratio) {
+                size[i] += groups.size * (blob.size()[i] - size[i]);
+            }
+            size[i] = size[i].max(MIN_TARGET_SIDE);
+        }
+        Rect::around(centre, size)
     }
 
     /// Goes on from where the target was found, and learns its colours and shape there (eqs 3 and 8).

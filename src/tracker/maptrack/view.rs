@@ -269,3 +269,69 @@ fn settings(params: &MaptrackParams) -> BackgroundSettings {
         ..BackgroundSettings::default()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Encoding;
+    use crate::params::Params;
+
+    const SIDE: u32 = 40;
+
+    /// A white square over grey.
+    fn picture(square: Option<usize>) -> Vec<u8> {
+        let inside = |v: usize, from: usize| (from..from + 10).contains(&v);
+        let pixel = |i: usize| square.is_some_and(|at| inside(i % SIDE as usize, at) && inside(i / SIDE as usize, 15));
+        (0..(SIDE * SIDE) as usize).map(|i| if pixel(i) { 220 } else { 90 }).collect()
+    }
+
+    /// A view that has learned an empty scene and then looks at the square.
+    fn view(params: &MaptrackParams, square: usize) -> View {
+        let mut view = View::new(params);
+        for n in 0..20 {
+            let data = picture((n == 19).then_some(square));
+            view.look(&Frame::new(&data, SIDE, SIDE, SIDE as usize, Encoding::Mono8, None).unwrap(), params);
+        }
+        view
+    }
+
+    #[test]
+    fn what_moves_is_a_blob_and_each_of_its_pixels_is_whose_it_suits_best() {
+        let params = Params::default().maptrack;
+        let mut view = view(&params, 12);
+        assert_eq!(view.blobs().iter().map(|blob| blob.rect).collect::<Vec<_>>(), [Rect::new(12.0, 15.0, 10.0, 10.0)]);
+        assert!(view.moves(13, 16, 1) && view.moves(20, 16, 2) && !view.moves(5, 16, 1));
+        view.open_claims();
+        // One suits the left the better, the other the right: both by the place in their windows.
+        view.claim(&Rect::new(7.0, 10.0, 20.0, 20.0), 1, |[across, _], _| 1.0 - across as f32);
+        view.claim(&Rect::new(7.0, 10.0, 20.0, 20.0), 2, |[across, _], _| across as f32);
+        assert!(view.moves(13, 16, 1) && !view.moves(13, 16, 2), "left of the middle");
+        assert!(!view.moves(20, 16, 1) && view.moves(20, 16, 2), "right of it");
+        let mut rest = Vec::new();
+        view.unexplained([Rect::new(10.0, 10.0, 7.0, 30.0)].into_iter(), 3, &mut rest);
+        assert_eq!(rest.iter().map(|blob| blob.rect).collect::<Vec<_>>(), [Rect::new(17.0, 15.0, 5.0, 10.0)]);
+    }
+
+    #[test]
+    fn too_much_motion_is_not_believed() {
+        let mut params = Params::default().maptrack;
+        params.background.believed = 0.05;
+        let view = view(&params, 12);
+        assert!(!view.is_believed() && view.blobs().is_empty());
+        assert!(view.moves(5, 16, 1), "all may move");
+    }
+
+    #[test]
+    fn a_large_frame_is_seen_smaller_and_boxes_go_there_and_back() {
+        let mut params = Params::default().maptrack;
+        params.image.pixels = 1024;
+        let mut view = View::new(&params);
+        let data = vec![0; 128 * 32];
+        view.see(&Frame::new(&data, 128, 32, 128, Encoding::Mono8, None).unwrap(), &params);
+        assert_eq!(view.size(), [64, 16]);
+        let rect = Rect::new(20.0, 8.0, 10.0, 6.0);
+        assert_eq!(view.into_view(&rect), Rect::new(10.0, 4.0, 5.0, 3.0));
+        assert_eq!(view.into_frame(&view.into_view(&rect)), rect);
+        assert_eq!(view.velocity_into_frame([1.0, 3.0]), [2.0, 6.0]);
+    }
+}
