@@ -22,6 +22,7 @@ use crate::params::{Assignment, Value, assignment};
 /// Prints a table for each algorithm and parameter file and for each other tracker.
 /// prec: share of frames whose centres are at most 20 px apart; AUC: area under the success curve of 21 overlaps;
 /// held: share with an overlap above 0.1; F: of long-term precision and recall, at the best confidence;
+/// first loss: frames before the target is first lost, by word or by a box that does not touch it (all, if it never is);
 /// lost: frames reported lost; right, wrong: of these, frames with the target out of view or fully hidden, and in view;
 /// astray: frames in view, not reported lost, and not held; recovered: losses that ended on the target (overlap above
 /// 0.3 within 10 frames); fps: frames a second of the tracker's processor time (where several sequences run at a time,

@@ -32,6 +32,8 @@ pub struct Figures {
     pub losses: usize,
     /// Those that ended on the right target; see [`Losses`](super::losses::Losses).
     pub recovered: usize,
+    /// Frames until the target was lost for the first time; see [`Losses::first`](super::losses::Losses::first).
+    pub first_loss: usize,
     /// How honestly `lost` was said.
     pub absences: Absences,
     /// Of trackers whose confidence is a share.
@@ -77,6 +79,7 @@ impl Scored {
             reacquired: answers.iter().filter(|a| a.reacquired).count(),
             losses: losses.count,
             recovered: losses.recovered,
+            first_loss: losses.first,
             absences: absences(answers, visible),
             calibration,
             calibration_error: calibration.map(|c| c.error()),
@@ -113,6 +116,7 @@ pub fn mean(all: &[&Scored]) -> Option<Figures> {
         reacquired: sum(|f| f.reacquired),
         losses: sum(|f| f.losses),
         recovered: sum(|f| f.recovered),
+        first_loss: sum(|f| f.first_loss),
         absences: figures().fold(Absences::default(), |mut sum, f| {
             sum += f.absences;
             sum

@@ -7,7 +7,8 @@
 //! dataset, starts
 //! attributes[]     attribute, rule, sequences[]
 //! setups[]         name, peer, parameters{}
-//!   mean           frames, precision, auc, held, lost_frames, reacquired, losses, recovered, seconds, fps
+//!   mean           frames, precision, auc, held, lost_frames, reacquired, losses, recovered, first_loss,
+//!                  seconds, fps
 //!     long_term    precision, recall, f, threshold, all{precision, recall, f}
 //!     absences     absent_frames, right, wrong, astray, count, due, in_time, returns,
 //!                  noticed{count, frames}, regained{count, frames}
@@ -203,11 +204,12 @@ mod tests {
         assert_eq!((a.frames, a.precision, a.held, a.losses), (3, 1.0, 1.0, 0));
         assert_eq!((b.frames, b.precision, b.held, b.reacquired), (4, 0.5, 0.5, 1));
         assert_eq!((b.lost_frames, b.losses, b.recovered), (1, 1, 1));
+        assert_eq!((a.first_loss, b.first_loss), (3, 1), "a misses its target while that is out of view only");
         assert_eq!((a.long_term.best.precision, a.long_term.best.recall), (2.0 / 3.0, 1.0));
         assert_eq!((b.long_term.best.precision, b.long_term.best.recall), (2.0 / 3.0, 0.5));
         assert_eq!((a.absences.absent_frames, b.absences.wrong, b.absences.astray), (1, 1, 1));
         let mean = table.mean.as_ref().unwrap();
-        assert_eq!((mean.frames, mean.precision, mean.held), (7, 0.75, 0.75));
+        assert_eq!((mean.frames, mean.first_loss, mean.precision, mean.held), (7, 4, 0.75, 0.75));
         assert!((mean.auc - (20.0 / 21.0 + 10.0 / 21.0) / 2.0).abs() < 1e-12);
         assert!((mean.fps.unwrap() - 50.0).abs() < 1e-9, "seven frames in 0.14 s");
         assert_eq!((mean.long_term.best.precision, mean.long_term.best.recall), (2.0 / 3.0, 0.75));

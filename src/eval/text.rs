@@ -8,7 +8,7 @@ use super::report::{Report, Table};
 use super::spread::Spread;
 
 const MEAN: &str = "mean";
-const HEADER: &str = "frames   prec    AUC   held      F  lost right wrong astray recovered    fps";
+const HEADER: &str = "frames   prec    AUC   held      F first loss  lost right wrong astray recovered    fps";
 
 /// The tables, with an empty line between.
 impl fmt::Display for Report {
@@ -51,12 +51,13 @@ fn line(g: &Figures, d: usize) -> Result<String, fmt::Error> {
     let mut line = String::new();
     write!(
         line,
-        "{:6} {:6.d$} {:6.d$} {:6.d$} {:6.d$} {:5} {:5} {:5} {:6} {:>9} {:>6}",
+        "{:6} {:6.d$} {:6.d$} {:6.d$} {:6.d$} {:10} {:5} {:5} {:5} {:6} {:>9} {:>6}",
         g.frames,
         g.precision,
         g.auc,
         g.held,
         g.long_term.best.f,
+        g.first_loss,
         g.lost_frames,
         g.absences.right,
         g.absences.wrong,
@@ -147,7 +148,7 @@ mod tests {
     fn figures() -> Figures {
         let mut figures = Figures { frames: 12, precision: 0.75, auc: 0.5, held: 1.0, ..Figures::default() };
         figures.long_term.best.f = 0.625;
-        (figures.losses, figures.recovered, figures.lost_frames) = (2, 1, 5);
+        (figures.losses, figures.recovered, figures.lost_frames, figures.first_loss) = (2, 1, 5, 7);
         (figures.absences.right, figures.absences.wrong, figures.absences.astray) = (3, 2, 4);
         figures
     }
@@ -170,9 +171,9 @@ mod tests {
         let text = table("lcmht", Figures { fps: Some(123.4), ..figures() }).to_string();
         let expected = "\
 lcmht
-     frames   prec    AUC   held      F  lost right wrong astray recovered    fps
-walk     12   0.75   0.50   1.00   0.62     5     3     2      4       1/2    123
-mean     12  0.750  0.500  1.000  0.625     5     3     2      4       1/2    123
+     frames   prec    AUC   held      F first loss  lost right wrong astray recovered    fps
+walk     12   0.75   0.50   1.00   0.62          7     5     3     2      4       1/2    123
+mean     12  0.750  0.500  1.000  0.625          7     5     3     2      4       1/2    123
 long-term: precision 0.000, recall 0.000, F 0.625
 ";
         assert_eq!(text, expected);
