@@ -4,10 +4,15 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use long_term_tracker::Rect;
+use long_term_tracker::crop::{Cropper, Patch};
+use long_term_tracker::detect::camera::{Motion, warp};
+use long_term_tracker::detect::stabilisation::Stabiliser;
 use long_term_tracker::eval::otb::score;
 use long_term_tracker::eval::trajectory::{held_from, median, rmse};
+use long_term_tracker::replay::FrameSource;
+use long_term_tracker::replay::folder::Folder;
 use long_term_tracker::replay::truth;
+use long_term_tracker::{Encoding, Frame, Rect};
 
 /// A row of the CSV: the box and the state.
 type Row = (Rect, String);
@@ -75,4 +80,43 @@ fn etepf_is_as_near_to_the_girl_as_its_paper_and_finds_her_again() {
     }
     let [u, v] = [0, 1].map(|axis| median(errors.iter().map(|e| e[axis]).collect()));
     assert!(u <= 13.28 && v <= 4.51, "{errors:?}");
+}
+
+/// A camera that shakes by 6 px, turns by 4 degrees and pans by 40 px, before a crowd that walks: what is asked of MAPTrack's
+/// stabilisation.
+#[test]
+fn the_motion_of_a_camera_is_recovered_before_a_crowd() {
+    const INSET: f64 = 60.0;
+    let Some(root) = std::env::var_os("SEQUENCES_DIR") else {
+        eprintln!("SEQUENCES_DIR is not set: nothing was tested of a camera's motion");
+        return;
+    };
+    let mut source = Folder::open(&PathBuf::from(root).join("_frames/PETS09-S2L1")).unwrap();
+    let (mut cropper, mut stabiliser) = (Cropper::default(), Stabiliser::default());
+    let (mut whole, mut moved, mut covered) = (Patch::default(), Patch::default(), Vec::new());
+    for frame in 0..300 {
+        let buffer = source.next_frame().unwrap().expect("300 frames");
+        let image = buffer.frame();
+        let (width, height) = (image.width() as usize, image.height() as usize);
+        cropper.crop_luma(&image, &image.bounds(), width, height, &mut whole);
+        // Shakes that never repeat.
+        let t = f64::from(frame);
+        let shake = |k: f64| if frame == 0 { 0.0 } else { (t * t * k).sin() };
+        let camera = Motion {
+            angle: (4.0 * (t / 45.0).sin() + 0.5 * shake(0.7)).to_radians(),
+            shift: [36.0 * (t / 60.0).sin() + 6.0 * shake(1.1), 30.0 * (t / 37.0).sin() + 6.0 * shake(1.9)],
+            ..Motion::none(width, height)
+        };
+        warp(&whole, &camera.inverse(), &mut moved, &mut covered);
+        // What the camera sees: less than there is.
+        let plane = &moved.planes()[0];
+        let seen = Frame::new(plane, width as u32, height as u32, width, Encoding::Mono8, None);
+        let window = Rect::new(INSET, INSET, width as f64 - 2.0 * INSET, height as f64 - 2.0 * INSET);
+        let mut patch = Patch::default();
+        cropper.crop_luma(&seen.unwrap(), &window, window.w as usize, window.h as usize, &mut patch);
+        let motion = stabiliser.step(&patch).unwrap_or_else(|| panic!("no motion in frame {frame}"));
+        let off = (motion.shift[0] - camera.shift[0]).hypot(motion.shift[1] - camera.shift[1]);
+        let turned = (motion.angle - camera.angle).to_degrees().abs();
+        assert!(off < 0.5 && turned < 0.2, "frame {frame}: {off} px, {turned} degrees");
+    }
 }
