@@ -256,8 +256,8 @@ fn block<const K: usize>(gaussians: &mut [Gaussian; K], planes: [&[u8; LANES]; P
 #[inline(always)]
 fn scores(gaussian: &Gaussian) -> Lanes {
     let mut scores = gaussian.weight;
-    for i in 0..LANES {
-        scores[i] *= gaussian.weight[i] * gaussian.precision[i];
+    for (score, (weight, precision)) in scores.iter_mut().zip(gaussian.weight.iter().zip(&gaussian.precision)) {
+        *score *= weight * precision;
     }
     scores
 }
@@ -310,8 +310,8 @@ fn belongs<const K: usize>(gaussians: &[Gaussian; K], colour: &[Lanes; PLANES], 
             owns[i] = select(index[i] == k as f32, 1.0, 0.0);
         }
     }
-    for i in 0..LANES {
-        owner.new[i] = select(best[i] > 0.0, 0.0, 1.0);
+    for (new, best) in owner.new.iter_mut().zip(best) {
+        *new = select(best > 0.0, 0.0, 1.0);
     }
     owner
 }
@@ -357,16 +357,16 @@ fn update<const K: usize>(gaussians: &mut [Gaussian; K], owner: &Owner<K>, colou
 fn normalise<const K: usize>(gaussians: &mut [Gaussian; K]) {
     let mut sum = [0.0; LANES];
     for gaussian in gaussians.iter() {
-        for i in 0..LANES {
-            sum[i] += gaussian.weight[i];
+        for (sum, weight) in sum.iter_mut().zip(&gaussian.weight) {
+            *sum += weight;
         }
     }
     for value in &mut sum {
         *value = 1.0 / *value;
     }
     for gaussian in gaussians {
-        for i in 0..LANES {
-            gaussian.weight[i] *= sum[i];
+        for (weight, scale) in gaussian.weight.iter_mut().zip(&sum) {
+            *weight *= scale;
         }
     }
 }
@@ -527,7 +527,7 @@ mod tests {
                 gaussians,
                 window,
                 shadow,
-                share: 0.7071,
+                share: 0.7012,
                 deviations: 2.4142,
                 ..Default::default()
             };

@@ -317,7 +317,7 @@ mod tests {
     fn naive(mask: &[u8], width: usize, diameter: usize, erode: bool) -> Vec<u8> {
         let height = mask.len() / width;
         // Twice the distances, so that centres at corners stay whole; a dilation sees the disc turned around.
-        let even = i64::from(diameter % 2 == 0);
+        let even = i64::from(diameter.is_multiple_of(2));
         let sign = if erode { 1 } else { -1 };
         let reach = diameter as i64;
         let at = |x: i64, y: i64| {

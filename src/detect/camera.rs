@@ -184,12 +184,12 @@ mod tests {
         {
             warp(&patch, &motion, &mut out, &mut covered);
             assert_eq!((out.width, out.height, out.planes().len()), (width, height, 3));
-            for i in 0..width * height {
+            for (i, covered) in covered.iter().enumerate() {
                 let (x, y) = (i % width, i / width);
                 let [u, v] = motion.inverse().apply([x as f64 + 0.5, y as f64 + 0.5]).map(|v| v - 0.5);
                 let [high, low] = [1e-3, -1e-3]
                     .map(|e| u >= e && v >= e && u <= (width - 1) as f64 - e && v <= (height - 1) as f64 - e);
-                assert!(covered[i] == u8::from(high) || covered[i] == u8::from(low), "{motion:?} {x} {y}");
+                assert!(*covered == u8::from(high) || *covered == u8::from(low), "{motion:?} {x} {y}");
                 let (u, v) = (u.clamp(0.0, (width - 1) as f64), v.clamp(0.0, (height - 1) as f64));
                 for plane in 0..3 {
                     let at = |x: f64, y: f64| {

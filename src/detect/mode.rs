@@ -134,7 +134,7 @@ mod tests {
             let noise = [rng.random_range(-0.1..0.1), rng.random_range(-0.1..0.1)];
             let own = match i {
                 _ if (i as f64) < 100.0 * share => [0.0; 2],
-                _ if i % 2 == 0 => [9.0, 1.0],
+                _ if i.is_multiple_of(2) => [9.0, 1.0],
                 _ => [rng.random_range(-80.0..80.0), rng.random_range(-80.0..80.0)],
             };
             Pair { from, to: [x + noise[0] + own[0], y + noise[1] + own[1]] }
