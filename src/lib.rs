@@ -1,4 +1,4 @@
-//! Follows a target that a user marks in a camera stream, says when it has lost it, and finds it again.
+//! Follows a target that a user marks in a camera stream, or all that move there, says when it has lost it, and finds it again.
 //!
 //! # The way of the data
 //!
@@ -24,8 +24,8 @@
 //! | [`crop`], [`features`] | search windows cut out and resampled; HOG, colour names, LUV, layers of them; features of pixels, colour histograms |
 //! | [`dcf`] | correlation filters: the paper's and the default one, response maps, scale |
 //! | [`filter`] | motion models, Kalman steps, the GM-PHD filter; the particle filter |
-//! | [`learn`], [`detect`] | the incremental support vector machine, AdaBoost; the detector that looks for a lost target, mean shift |
-//! | [`tracker`] | the interface and one file a tracker; [`tracker::lcmht`] and [`tracker::etepf`] read as their papers |
+//! | [`learn`], [`detect`] | the incremental support vector machine, AdaBoost; the detector that looks for a lost target, mean shift, background and blobs, the camera's motion |
+//! | [`tracker`] | the interface and one file a tracker; [`tracker::lcmht`], [`tracker::etepf`] and [`tracker::maptrack`] read as their papers |
 //! | [`session`], [`trace`] | one stream with one tracker; what a step shows of its inside |
 //! | [`params`] | the one table of parameters, and files of them |
 //! | [`messages`], [`decode`] | ROS messages as data; JPEG and PNG |
@@ -42,6 +42,9 @@
 //!   environments* (LCMHT): [`dcf`], [`detect`], [`filter::gm_phd`], [`tracker::lcmht`].
 //! * Y. Gu, P. Li, B. Han: *Embedding ensemble tracking in a stochastic framework for robust object tracking* (ETEPF):
 //!   [`learn::adaboost`], [`detect::mean_shift`], [`filter::particles`], [`tracker::etepf`].
+//! * S. Basu, M. Karki, M. Stagg, R. DiBiano, S. Ganguly, S. Mukhopadhyay: *MAPTrack: a probabilistic real time tracking
+//!   framework by integrating motion, appearance and position models*: [`detect::background`], [`detect::stabilisation`],
+//!   [`tracker::maptrack`].
 //! * N. L. Baisa: *Derivation of a constant velocity motion model for visual tracking*: [`filter::motion`].
 
 #[cfg(all(feature = "ros", not(feature = "humble")))]

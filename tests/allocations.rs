@@ -117,6 +117,14 @@ fn following_a_target_by_particles_allocates_nothing_once_warm() {
     follow_without_allocating(&[("algorithm", &algorithm), ("etepf.update.enabled", &update)], 0.5);
 }
 
+/// What moves was not marked, and is followed all the same.
+#[test]
+fn following_what_moves_allocates_nothing_once_warm() {
+    let algorithm = Value::String("maptrack".into());
+    let pattern = Value::Bool(false);
+    follow_without_allocating(&[("algorithm", &algorithm), ("maptrack.pattern.enabled", &pattern)], 0.5);
+}
+
 /// Follows the square with these parameters to the end, where the box is to overlap it by more than `overlap`.
 fn follow_without_allocating(changes: &[(&str, &Value)], overlap: f64) {
     let params = Params::default().with(changes.iter().copied(), Phase::StartUp).unwrap();

@@ -135,7 +135,11 @@ fn a_target_behind_a_pillar_is_held_and_comes_out_under_its_id() {
         if let [target] = session.output().targets.as_slice() {
             hidden += usize::from(target.state != State::Tracking);
             assert!(!is_behind || target.state != State::Tracking, "frame {n}: {target:?}");
-            assert!(!is_behind || target.rect.iou(&way(n)) > 0.3, "held where it would be, frame {n}: {}", target.rect);
+            assert!(
+                !is_behind || target.rect.iou(&way(n)) > 0.25,
+                "held where it would be, frame {n}: {}",
+                target.rect
+            );
         }
     }
     assert!(hidden > 3, "{hidden}");

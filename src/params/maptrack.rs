@@ -16,6 +16,7 @@ group! {
         window: i64 = 500, in 2..=100000, unit "frames"; "Frames that count; what stands still for about this long, times 1 less the share, becomes background."
         share: f64 = 0.7, in 0.1..=0.999; "Share of the time that a pixel shows background."
         deviations: f64 = 3.5, in 0.5..=10.0; "Standard deviations within which a colour fits a Gaussian."
+        initial_deviation: f64 = 6.0, in 0.5..=64.0; "Standard deviation of a new Gaussian, in intensities: a wide one takes background and targets for the same."
         least_deviation: f64 = 4.0, in 0.5..=64.0; "Least standard deviation of a Gaussian, in intensities: the noise of the camera."
         shadow: f64 = 0.6, in 0.0..=1.0; "Share of the background's brightness that a shadow leaves at least; 1 looks for no shadows."
         believed: f64 = 0.5, in 0.0..=1.0; "Share of moving pixels above which motion tells nothing, for the camera has moved or the light has changed: colour and position go on alone, and nothing is found."
@@ -79,7 +80,7 @@ group! {
     pub struct MaptrackGroups at "maptrack.groups." {
         share: bool = true; "Gives each moving pixel to one target, the one whose colours and shape it suits best, so that none swallows another."
         settle: f64 = 0.7, in 0.0..=1.0; "Share of the way that a box goes to that of the moving blob which is its target's alone; 0 leaves it where mean shift does."
-        size: f64 = 0.2, in 0.0..=1.0; "Share by which its size goes there; 0 keeps the size of the start."
+        size: f64 = 0.1, in 0.0..=1.0; "Share by which its size goes there; 0 keeps the size of the start."
         duplicate: f64 = 0.7, in 0.0..=1.0; "Overlap above which the later of two found targets ends, if it lasts; 1 keeps both."
     }
 }

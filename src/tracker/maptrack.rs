@@ -148,10 +148,12 @@ impl Maptrack {
     fn end(&mut self) {
         let Self { view, targets, params, .. } = self;
         let bounds = view.bounds();
-        let rects: Vec<(Rect, bool)> = targets.as_slice().iter().map(|t| (t.rect, t.is_hidden())).collect();
-        for (i, target) in targets.iter_mut().enumerate() {
-            let lies_over = |(rect, hidden): &(Rect, bool)| !hidden && rect.iou(&target.rect) > params.groups.duplicate;
-            let is_doubled = !target.is_hidden() && rects[..i].iter().any(lies_over);
+        for i in 0..targets.as_slice().len() {
+            let (earlier, later) = targets.as_mut_slice().split_at_mut(i);
+            let target = &mut later[0];
+            let lies_over =
+                |other: &Track| !other.is_hidden() && other.rect.iou(&target.rect) > params.groups.duplicate;
+            let is_doubled = !target.is_hidden() && earlier.iter().any(lies_over);
             target.doubled = if is_doubled { target.doubled + 1 } else { 0 };
         }
         targets.retain(|target| !target.has_ended(&bounds, params) && (target.is_marked || target.doubled < DOUBLED));

@@ -52,12 +52,16 @@ impl Candidate {
 
 /// The prospective tracks.
 #[derive(Default)]
-pub(super) struct Candidates(Vec<Candidate>);
+pub(super) struct Candidates {
+    all: Vec<Candidate>,
+    /// Scratch: whether a blob is free, for each that fits.
+    free: Vec<(Rect, bool)>,
+}
 
 impl Candidates {
     /// Moves all places, as the window of the view has moved over the scene by so much.
     pub(super) fn shift(&mut self, [x, y]: [f64; 2]) {
-        for candidate in &mut self.0 {
+        for candidate in &mut self.all {
             candidate.rect = candidate.rect.shifted(-x, -y);
             candidate.from = [candidate.from[0] - x, candidate.from[1] - y];
         }
@@ -65,7 +69,7 @@ impl Candidates {
 
     /// Forgets all.
     pub(super) fn clear(&mut self) {
-        self.0.clear();
+        self.all.clear();
     }
 
     /// Goes on with the blobs of a frame that belong to no target (in no order); `area` is that of the picture. What is
@@ -78,28 +82,36 @@ impl Candidates {
         settings: &MaptrackFind,
         mut start: impl FnMut(Candidate),
     ) {
-        let mut blobs: Vec<&Blob> = blobs.iter().filter(|blob| fits(blob, area, settings)).collect();
-        for candidate in &mut self.0 {
+        self.free.clear();
+        self.free.extend(blobs.iter().filter(|blob| fits(blob, area, settings)).map(|blob| (blob.rect, true)));
+        for candidate in &mut self.all {
             candidate.age += dt;
-            let far = |blob: &&Blob| distance(blob.rect.centre(), candidate.rect.centre());
-            let near = (0..blobs.len()).min_by(|&a, &b| far(&blobs[a]).total_cmp(&far(&blobs[b])));
-            let own = near.filter(|&i| {
-                let growth = blobs[i].rect.area() / candidate.rect.area();
-                far(&blobs[i]) <= NEAR * dt * candidate.rect.w.max(candidate.rect.h)
-                    && (1.0 / GROWTH..=GROWTH).contains(&growth)
-            });
+            let own = nearest(&mut self.free, &candidate.rect, dt);
             candidate.judge(own.is_some(), settings.gain);
-            if let Some(i) = own {
-                candidate.rect = blobs.swap_remove(i).rect;
+            if let Some((rect, is_free)) = own {
+                (candidate.rect, *is_free) = (*rect, false);
             }
         }
-        self.0.extend(blobs.iter().map(|blob| Candidate::new(blob.rect)));
-        let new = self.0.len() - blobs.len();
-        self.0[new..].iter_mut().for_each(|candidate| candidate.judge(true, settings.gain));
+        for (rect, _) in self.free.iter().filter(|(_, is_free)| *is_free) {
+            let mut candidate = Candidate::new(*rect);
+            candidate.judge(true, settings.gain);
+            self.all.push(candidate);
+        }
         let is_ready = |c: &Candidate| c.run > 0 && c.confidence > settings.start && c.has_moved(settings);
-        self.0.extract_if(.., |candidate| is_ready(candidate)).for_each(&mut start);
-        self.0.retain(|candidate| candidate.confidence >= settings.drop);
+        self.all.extract_if(.., |candidate| is_ready(candidate)).for_each(&mut start);
+        self.all.retain(|candidate| candidate.confidence >= settings.drop);
     }
+}
+
+/// The nearest free blob that a candidate may have become in `dt` frame periods.
+fn nearest<'a>(blobs: &'a mut [(Rect, bool)], last: &Rect, dt: f64) -> Option<&'a mut (Rect, bool)> {
+    let far = |rect: &Rect| distance(rect.centre(), last.centre());
+    let may_be = |rect: &Rect| {
+        let growth = rect.area() / last.area();
+        far(rect) <= NEAR * dt * last.w.max(last.h) && (1.0 / GROWTH..=GROWTH).contains(&growth)
+    };
+    let free = blobs.iter_mut().filter(|(rect, is_free)| *is_free && may_be(rect));
+    free.min_by(|a, b| far(&a.0).total_cmp(&far(&b.0)))
 }
 
 /// The spatial filter (section 3.2.2): area and orientation. `area` is that of the picture.
@@ -156,7 +168,7 @@ mod tests {
         let mut candidates = Candidates::default();
         let mut step = |blobs: &[Blob]| {
             candidates.step(blobs, 1.0, 1e5, &settings(), |_| panic!("too soon"));
-            candidates.0.iter().map(|candidate| candidate.confidence).collect::<Vec<_>>()
+            candidates.all.iter().map(|candidate| candidate.confidence).collect::<Vec<_>>()
         };
         assert_eq!(step(&[blob(20.0)]), [2.0]);
         assert_eq!(step(&[]), [0.0]);

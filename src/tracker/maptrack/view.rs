@@ -264,9 +264,9 @@ fn settings(params: &MaptrackParams) -> BackgroundSettings {
         window: background.window as usize,
         share: background.share,
         deviations: background.deviations,
+        initial_deviation: background.initial_deviation,
         least_deviation: background.least_deviation,
         shadow: background.shadow,
-        ..BackgroundSettings::default()
     }
 }
 
