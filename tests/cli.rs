@@ -106,6 +106,29 @@ fn a_row_a_frame_goes_to_standard_output_and_the_speed_to_standard_error() {
     assert!(line.starts_with("10 frames, ") && line.contains(" frames/s (features "), "{line}");
 }
 
+/// The target moves over a still ground, and nobody marks it; with a mark it is the first from the first frame on.
+#[test]
+fn maptrack_needs_no_box_and_writes_rows_of_motchallenge() {
+    let dir = sequence();
+    std::fs::remove_file(dir.path().join("groundtruth_rect.txt")).unwrap();
+    let args = ["--algorithm", "maptrack", "-p", "maptrack.find.start:=5.0"];
+    for init in [None, Some("30,40,24,32")] {
+        let marked: Vec<&str> = init.iter().flat_map(|init| ["--init", init]).collect();
+        let output = track(dir.path(), &[&args[..], &marked].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let rows: Vec<Vec<f64>> =
+            stdout(&output).lines().map(|line| line.split(',').map(|word| word.parse().unwrap()).collect()).collect();
+        assert!(!rows.is_empty() && rows.iter().all(|row| row.len() == 10 && row[7..] == [-1.0; 3]), "{rows:?}");
+        let frames: Vec<usize> = rows.iter().map(|row| row[0] as usize).collect();
+        assert!(frames.is_sorted() && frames[frames.len() - 1] == FRAMES, "{frames:?}");
+        assert_eq!(frames[0] == 1, init.is_some(), "{frames:?}");
+        let last = &rows[rows.len() - 1];
+        let rect = Rect::new(last[2], last[3], last[4], last[5]);
+        assert!(init.is_none() || rect.iou(&target(FRAMES - 1)) > 0.5, "{rect}");
+    }
+    assert_refused(&track(dir.path(), &[]), 2, "no target: give --init X,Y,W,H");
+}
+
 #[test]
 fn a_folder_of_images_file_output_and_an_explicit_box_give_the_same_rows() {
     let dir = sequence();

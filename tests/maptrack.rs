@@ -1,5 +1,7 @@
 //! MAPTrack in a session, on scenes made here: what a user of the node meets.
 
+use long_term_tracker::crop::{Cropper, Patch};
+use long_term_tracker::detect::camera::{Motion, warp};
 use long_term_tracker::params::{Phase, Value};
 use long_term_tracker::trace::{Cues, Trace};
 use long_term_tracker::{Encoding, Frame, Params, Rect, Session, State};
@@ -302,4 +304,76 @@ fn a_step_shows_the_images_of_the_oldest_target() {
     let mut seen = Seen::default();
     session.step(&rgb(&picture(QUIET + 20, &walkers(20))), &mut seen);
     assert_eq!((ids(&session).len(), seen.cues), (2, vec![("0".to_owned(), "moving")]));
+}
+
+/// A real frame, and a part of it as a camera shows it that shakes, turns and pans: the picture, without its margins.
+struct Shaken {
+    still: Patch,
+    seen: Patch,
+    covered: Vec<u8>,
+    bytes: Vec<u8>,
+}
+
+/// What is cut off at each side, so that the camera never looks beyond the frame.
+const MARGIN: usize = 50;
+
+impl Shaken {
+    fn new() -> Self {
+        let image = long_term_tracker::replay::folder::read(std::path::Path::new("assets/demo/img/000.jpg")).unwrap();
+        let frame = image.frame();
+        let (width, height) = (frame.width() as usize / 2, frame.height() as usize / 2);
+        let mut still = Patch::default();
+        Cropper::default().crop(&frame, &frame.bounds(), width, height, &mut still);
+        Self { still, seen: Patch::default(), covered: Vec::new(), bytes: Vec::new() }
+    }
+
+    fn frame(&mut self, n: usize) -> Frame<'_> {
+        let t = n as f64;
+        let (width, height) = (self.still.width, self.still.height);
+        let none = Motion::none(width, height);
+        let shift = [4.0 * (1.7 * t).sin() + 0.08 * t, 4.0 * (2.3 * t).cos() - 0.05 * t];
+        warp(&self.still, &Motion { angle: 0.03 * (0.9 * t).sin(), shift, ..none }, &mut self.seen, &mut self.covered);
+        self.bytes.clear();
+        for y in 0..height {
+            self.bytes.extend((0..width).flat_map(|x| self.seen.rgb(x, y)));
+        }
+        let data = &self.bytes[3 * (MARGIN * width + MARGIN)..];
+        let [w, h] = [width, height].map(|side| (side - 2 * MARGIN) as u32);
+        Frame::new(data, w, h, 3 * width, Encoding::Rgb8, None).unwrap()
+    }
+}
+
+#[test]
+fn a_camera_that_shakes_turns_and_pans_makes_no_target_of_a_still_scene() {
+    let mut shaken = Shaken::new();
+    let found = |enabled: bool, shaken: &mut Shaken| {
+        let mut session = session(&[("maptrack.stabilisation.enabled", Value::Bool(enabled))]);
+        (0..300).map(|n| session.step(&shaken.frame(n), &mut ()).targets.len()).sum::<usize>()
+    };
+    assert_eq!(found(true, &mut shaken), 0);
+    assert!(found(false, &mut shaken) > 0, "without it the scene is full of them");
+}
+
+/// The mark stays on what it was set on, in the pixels of the frame.
+#[test]
+fn boxes_of_a_stabilised_stream_are_those_of_the_frame() {
+    let mut shaken = Shaken::new();
+    let changes =
+        [("maptrack.stabilisation.enabled", Value::Bool(true)), ("maptrack.pattern.enabled", Value::Bool(false))];
+    let mut session = session(&changes);
+    let (width, height) = (shaken.still.width, shaken.still.height);
+    let place = |n: usize, shaken: &Shaken| {
+        let t = n as f64;
+        let shift = [4.0 * (1.7 * t).sin() + 0.08 * t, 4.0 * (2.3 * t).cos() - 0.05 * t];
+        let motion =
+            Motion { angle: 0.03 * (0.9 * t).sin(), shift, ..Motion::none(shaken.still.width, shaken.still.height) };
+        let [x, y] = motion.apply([width as f64 / 2.0, height as f64 / 2.0]);
+        Rect::around([x - MARGIN as f64, y - MARGIN as f64], [24.0, 40.0])
+    };
+    session.start(&shaken.frame(0), place(0, &shaken), &mut ()).unwrap();
+    for n in 1..60 {
+        let rect = session.step(&shaken.frame(n), &mut ()).targets[0].rect;
+        let want = place(n, &shaken);
+        assert!(rect.iou(&want) > 0.6, "frame {n}: {rect}, {want}");
+    }
 }

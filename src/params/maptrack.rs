@@ -16,7 +16,7 @@ group! {
         window: i64 = 500, in 2..=100000, unit "frames"; "Frames that count; what stands still for about this long, times 1 less the share, becomes background."
         share: f64 = 0.7, in 0.1..=0.999; "Share of the time that a pixel shows background."
         deviations: f64 = 3.5, in 0.5..=10.0; "Standard deviations within which a colour fits a Gaussian."
-        initial_deviation: f64 = 6.0, in 0.5..=64.0; "Standard deviation of a new Gaussian, in intensities: a wide one takes background and targets for the same."
+        initial_deviation: f64 = 15.0, in 0.5..=64.0; "Standard deviation of a new Gaussian, in intensities: a wide one learns noise soon, a narrow one keeps apart what looks alike."
         least_deviation: f64 = 4.0, in 0.5..=64.0; "Least standard deviation of a Gaussian, in intensities: the noise of the camera."
         shadow: f64 = 0.6, in 0.0..=1.0; "Share of the background's brightness that a shadow leaves at least; 1 looks for no shadows."
         believed: f64 = 0.5, in 0.0..=1.0; "Share of moving pixels above which motion tells nothing, for the camera has moved or the light has changed: colour and position go on alone, and nothing is found."
