@@ -117,12 +117,12 @@ fn following_a_target_by_particles_allocates_nothing_once_warm() {
     follow_without_allocating(&[("algorithm", &algorithm), ("etepf.update.enabled", &update)], 0.5);
 }
 
-/// What moves was not marked, and is followed all the same.
+/// Nothing is found beside the mark: each new target has buffers of its own.
 #[test]
-fn following_what_moves_allocates_nothing_once_warm() {
-    let algorithm = Value::String("maptrack".into());
-    let pattern = Value::Bool(false);
-    follow_without_allocating(&[("algorithm", &algorithm), ("maptrack.pattern.enabled", &pattern)], 0.5);
+fn following_a_target_by_its_motion_allocates_nothing_once_warm() {
+    let (algorithm, pattern, most) = (Value::String("maptrack".into()), Value::Bool(false), Value::Integer(0));
+    let changes = [("algorithm", &algorithm), ("maptrack.pattern.enabled", &pattern), ("maptrack.find.most", &most)];
+    follow_without_allocating(&changes, 0.5);
 }
 
 /// Follows the square with these parameters to the end, where the box is to overlap it by more than `overlap`.

@@ -370,7 +370,8 @@ fn boxes_of_a_stabilised_stream_are_those_of_the_frame() {
         let [x, y] = motion.apply([width as f64 / 2.0, height as f64 / 2.0]);
         Rect::around([x - MARGIN as f64, y - MARGIN as f64], [24.0, 40.0])
     };
-    session.start(&shaken.frame(0), place(0, &shaken), &mut ()).unwrap();
+    let mark = place(0, &shaken);
+    session.start(&shaken.frame(0), mark, &mut ()).unwrap();
     for n in 1..60 {
         let rect = session.step(&shaken.frame(n), &mut ()).targets[0].rect;
         let want = place(n, &shaken);

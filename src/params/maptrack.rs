@@ -81,7 +81,6 @@ group! {
         share: bool = true; "Gives each moving pixel to one target, the one whose colours and shape it suits best, so that none swallows another."
         settle: f64 = 0.7, in 0.0..=1.0; "Share of the way that a box goes to that of the moving blob which is its target's alone; 0 leaves it where mean shift does."
         size: f64 = 0.1, in 0.0..=1.0; "Share by which its size goes there; 0 keeps the size of the start."
-        duplicate: f64 = 0.7, in 0.0..=1.0; "Overlap above which the later of two found targets ends, if it lasts; 1 keeps both."
     }
 }
 

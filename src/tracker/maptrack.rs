@@ -49,8 +49,6 @@ use view::{NOBODY, View};
 
 /// A blob belongs to a target if they share this part of the smaller of their boxes.
 const SHARED: f64 = 0.3;
-/// Frames in a row that a target must lie over another one to be taken for the same.
-const DOUBLED: u32 = 8;
 /// What is around a target's box by no more than this factor is still the target's.
 const FRINGE: f64 = 1.2;
 
@@ -144,19 +142,11 @@ impl Maptrack {
         }
     }
 
-    /// Ends the tracks of targets that are gone, and of those that are others' doubles.
+    /// Ends the tracks of targets that are gone.
     fn end(&mut self) {
         let Self { view, targets, params, .. } = self;
         let bounds = view.bounds();
-        for i in 0..targets.as_slice().len() {
-            let (earlier, later) = targets.as_mut_slice().split_at_mut(i);
-            let target = &mut later[0];
-            let lies_over =
-                |other: &Track| !other.is_hidden() && other.rect.iou(&target.rect) > params.groups.duplicate;
-            let is_doubled = !target.is_hidden() && earlier.iter().any(lies_over);
-            target.doubled = if is_doubled { target.doubled + 1 } else { 0 };
-        }
-        targets.retain(|target| !target.has_ended(&bounds, params) && (target.is_marked || target.doubled < DOUBLED));
+        targets.retain(|target| !target.has_ended(&bounds, params));
     }
 
     /// Takes up what moves and belongs to no target, once it is believed (section 3.2).

@@ -50,11 +50,6 @@ impl<T: Followed> Targets<T> {
     }
 
     /// All of them.
-    pub(super) fn as_mut_slice(&mut self) -> &mut [T] {
-        &mut self.0
-    }
-
-    /// All of them.
     pub(super) fn iter_mut(&mut self) -> std::slice::IterMut<'_, T> {
         self.0.iter_mut()
     }

@@ -49,8 +49,6 @@ pub(super) struct Track {
     reacquired: bool,
     age: u32,
     lost_for: u32,
-    /// Frames in a row in which it has lain over an earlier one.
-    pub(super) doubled: u32,
     /// The box and the velocity in pixels of the frame.
     shown: (Rect, [f64; 2]),
 }
@@ -143,7 +141,6 @@ impl Track {
             reacquired: false,
             age: 0,
             lost_for: 0,
-            doubled: 0,
             shown: (rect, [0.0; 2]),
         }
     }
