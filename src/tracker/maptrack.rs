@@ -93,7 +93,7 @@ impl Maptrack {
         let area = view.bounds().area();
         proposals.clear();
         let fitting = view.blobs().iter().filter(|blob| fits(blob, area, &params.find));
-        proposals.extend(fitting.map(|blob| Proposal { rect: view.into_frame(&blob.rect), score: 1.0 }));
+        proposals.extend(fitting.map(|blob| Proposal { rect: view.to_frame(&blob.rect), score: 1.0 }));
         trace.proposals(proposals);
     }
 
@@ -181,12 +181,12 @@ fn recalled<'a>(
     params: &MaptrackParams,
 ) -> Option<&'a mut Track> {
     let reach = params.occlusion.widths * params.model.margin * candidate.rect.w;
-    let fits = |target: &&mut Track| {
+    let fits = |target: &Track| {
         target.is_hidden()
             && distance(target.expected.centre(), candidate.rect.centre()) < reach
             && target.likeness(track) > params.find.recall
     };
-    let hidden = targets.iter_mut().filter(|target| fits(&target));
+    let hidden = targets.iter_mut().filter(|target| fits(target));
     hidden.max_by(|a, b| a.likeness(track).total_cmp(&b.likeness(track)))
 }
 
@@ -210,7 +210,7 @@ impl Tracker for Maptrack {
         } else {
             view.see(frame, params);
         }
-        let mut track = Track::marked(id.clone(), view.into_view(&rect), view, region, params);
+        let mut track = Track::marked(id.clone(), view.to_view(&rect), view, region, params);
         track.learn_pattern(frame, cropper, &rect, params);
         self.targets.add(track);
     }

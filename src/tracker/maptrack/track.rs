@@ -87,7 +87,7 @@ impl Track {
         let mut track = Self::new(id, rect, &sides, &shape, region, params);
         track.is_marked = true;
         track.sums = region.sums(&track.history);
-        track.shown = (view.into_frame(&rect), [0.0; 2]);
+        track.shown = (view.to_frame(&rect), [0.0; 2]);
         track
     }
 
@@ -107,7 +107,7 @@ impl Track {
         let place = found.rect.centre();
         track.path = Path::new(found.from, track.sums.visibility, params.model.history);
         track.path.go(place, track.sums.visibility, found.age.max(1.0), region.window.w);
-        track.shown = (view.into_frame(&found.rect), [0.0; 2]);
+        track.shown = (view.to_frame(&found.rect), [0.0; 2]);
         track
     }
 
@@ -152,10 +152,10 @@ impl Track {
 
     /// Looks for the target's pattern around where it was.
     pub(super) fn recognise(&mut self, frame: &Frame, cropper: &mut Cropper, view: &View) {
-        let last = view.into_frame(&self.rect);
+        let last = view.to_frame(&self.rect);
         self.recognised = self.pattern.as_mut().map(|pattern| pattern.recognise(frame, cropper, &last));
         if let Some(recognised) = self.recognised {
-            self.expected = view.into_view(&recognised.rect);
+            self.expected = view.to_view(&recognised.rect);
         }
     }
 
@@ -211,7 +211,7 @@ impl Track {
             }
         }
         self.infer(found, region, params);
-        self.shown = (view.into_frame(&self.rect), self.velocity(view));
+        self.shown = (view.to_frame(&self.rect), self.velocity(view));
     }
 
     /// Mean shift from the expected place (eqs 9 and 10); a hidden target does not go far from there.
@@ -361,7 +361,7 @@ impl Track {
     }
 
     fn velocity(&self, view: &View) -> [f64; 2] {
-        view.velocity_into_frame(self.hidden.map_or(self.path.last().velocity, |hidden| hidden.from.velocity))
+        view.velocity_to_frame(self.hidden.map_or(self.path.last().velocity, |hidden| hidden.from.velocity))
     }
 
     /// Moves all places, as the window of the view has moved over the scene by so much.
@@ -376,8 +376,8 @@ impl Track {
 
     /// Shows where the target was expected, and its composite image.
     pub(super) fn show(&self, view: &View, region: &Region, trace: &mut dyn Trace) {
-        trace.prediction(view.into_frame(&self.expected));
-        let window = view.into_frame(&region.window);
+        trace.prediction(view.to_frame(&self.expected));
+        let window = view.to_frame(&region.window);
         trace.search_window(window);
         trace.response(&ResponseMap { values: &region.composite, rows: SIDE, cols: SIDE, window });
     }
@@ -387,7 +387,7 @@ impl Track {
         trace.cues(&Cues {
             id: &self.id,
             name: self.inferred.name(),
-            window: view.into_frame(&region.window),
+            window: view.to_frame(&region.window),
             rows: SIDE,
             cols: SIDE,
             images: [

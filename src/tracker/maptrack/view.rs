@@ -238,21 +238,21 @@ impl View {
     }
 
     /// A box of the frame in the view's pixels. It stays upright, as the camera turns by little.
-    pub(super) fn into_view(&self, rect: &Rect) -> Rect {
+    pub(super) fn to_view(&self, rect: &Rect) -> Rect {
         let [x, y] = self.factors;
         let rect = Rect::new(rect.x / x, rect.y / y, rect.w / x, rect.h / y);
         Rect::around(self.motion.apply(rect.centre()), rect.size())
     }
 
     /// A box of the view in the frame's pixels.
-    pub(super) fn into_frame(&self, rect: &Rect) -> Rect {
+    pub(super) fn to_frame(&self, rect: &Rect) -> Rect {
         let [x, y] = self.factors;
         let rect = Rect::around(self.motion.inverse().apply(rect.centre()), rect.size());
         Rect::new(rect.x * x, rect.y * y, rect.w * x, rect.h * y)
     }
 
     /// A velocity in the view in the frame's pixels.
-    pub(super) fn velocity_into_frame(&self, velocity: [f64; 2]) -> [f64; 2] {
+    pub(super) fn velocity_to_frame(&self, velocity: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|i| velocity[i] * self.factors[i])
     }
 }
@@ -330,8 +330,8 @@ mod tests {
         view.see(&Frame::new(&data, 128, 32, 128, Encoding::Mono8, None).unwrap(), &params);
         assert_eq!(view.size(), [64, 16]);
         let rect = Rect::new(20.0, 8.0, 10.0, 6.0);
-        assert_eq!(view.into_view(&rect), Rect::new(10.0, 4.0, 5.0, 3.0));
-        assert_eq!(view.into_frame(&view.into_view(&rect)), rect);
-        assert_eq!(view.velocity_into_frame([1.0, 3.0]), [2.0, 6.0]);
+        assert_eq!(view.to_view(&rect), Rect::new(10.0, 4.0, 5.0, 3.0));
+        assert_eq!(view.to_frame(&view.to_view(&rect)), rect);
+        assert_eq!(view.velocity_to_frame([1.0, 3.0]), [2.0, 6.0]);
     }
 }
