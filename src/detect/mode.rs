@@ -24,7 +24,7 @@ const FINE: f64 = 0.5;
 /// Rounds of least squares over the places that agree.
 const ROUNDS: usize = 3;
 
-/// The mode, and how many places agree with it to about [`FINE`] pixels.
+/// The mode, and how many places agree with it to about half a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mode {
     /// The motion from the current picture to the reference.
