@@ -12,7 +12,8 @@ use crate::geometry::Rect;
 /// Height of the row, as a share of the picture's.
 const HEIGHT: f64 = 0.25;
 
-/// Draws the row along the foot of the picture: the region as the frame shows it, then its images, each under its name.
+/// Draws the row along the foot of the picture, spread over its width: the region as the frame shows it, then its images,
+/// each under its name.
 pub(super) fn strip(image: &mut RgbImage, frame: &Frame, cues: &KeptCues) {
     let count = cues.images.len() as f64 + 1.0;
     let (width, height) = (f64::from(image.width()), f64::from(image.height()));
@@ -20,7 +21,7 @@ pub(super) fn strip(image: &mut RgbImage, frame: &Frame, cues: &KeptCues) {
     let scale = (HEIGHT * height / cues.window.h).min(width / count / cues.window.w);
     let side = |length: f64| (length * scale).round().max(1.0);
     let (w, h) = (side(cues.window.w), side(cues.window.h));
-    let panel = |index: usize| Rect::new(index as f64 * w, height - h, w, h);
+    let panel = |index: usize| Rect::new((index as f64 * width / count).round(), height - h, w, h);
     let mut patch = Patch::default();
     Cropper::default().crop(frame, &cues.window, w as usize, h as usize, &mut patch);
     fill(image, &panel(0), |x, y| patch.rgb(x, y));

@@ -336,15 +336,15 @@ mod tests {
         scene.cues(&Cues { id: "7", name: "moving", window, rows: 8, cols: 8, images });
         scene.cues(&Cues { id: "8", name: "moving", window: window.shifted(9.0, 9.0), rows: 8, cols: 8, images });
         let image = response(&frame(&data), &scene, FULL);
-        // Panels of 30 px at the foot of the picture; the first is the region itself.
+        // Panels of 30 px, one every 40 px, at the foot of the picture; the first is the region itself.
         let [low, high] = [viridis(0.0), viridis(1.0)].map(Rgb);
         assert_eq!(*image.get_pixel(15, 110), Rgb([100; 3]));
         for panel in 1..5 {
-            let (x, top, foot) = (30 * panel + 28, 91, 118);
+            let (x, top, foot) = (40 * panel + 28, 91, 118);
             assert_eq!(*image.get_pixel(x, top), high, "panel {panel}");
             assert_eq!(*image.get_pixel(x, foot), if panel < 4 { low } else { high }, "panel {panel}");
         }
-        assert_eq!(*image.get_pixel(170, 110), Rgb([40; 3]));
+        assert_eq!(*image.get_pixel(195, 110), Rgb([40; 3]));
     }
 
     #[test]
