@@ -22,7 +22,7 @@ ARGUMENTS = [
     ("name", "tracker", "Name of the node; its topics and services lie below it."),
     ("image", "image", "Topic of the raw images; with another image_transport, what that appends to it is listened to."),
     ("image_transport", "raw", "How images come: raw or compressed; wins over the parameter file."),
-    ("preset", "default", "Parameter file of this package, without .yaml: default, fast, paper, etepf or maptrack."),
+    ("preset", "default", "Parameter file, without .yaml: default, fast, paper, etepf, maptrack or maptrack_near."),
     (
         "params_file",
         [PathJoinSubstitution([FindPackageShare(PACKAGE), "params", LaunchConfiguration("preset")]), ".yaml"],

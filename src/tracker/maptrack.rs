@@ -101,7 +101,7 @@ impl Maptrack {
     fn share(&mut self, frame: &Frame, dt: f64) {
         let Self { view, targets, cropper, params, .. } = self;
         for target in targets.iter_mut() {
-            target.expect(dt);
+            target.expect(dt, params);
             target.recognise(frame, cropper, view);
         }
         if params.groups.share && targets.as_slice().len() > 1 {
@@ -235,7 +235,7 @@ impl Tracker for Maptrack {
         trace.stage(Stage::Localise);
         if let Some(target) = targets.get_mut(id) {
             view.see(frame, params);
-            target.expect(dt);
+            target.expect(dt, params);
             target.recognise(frame, cropper, view);
             target.step(view, region, NOBODY, None, dt, params);
             target.show(view, region, trace);

@@ -164,13 +164,16 @@ impl Track {
         self.hidden.is_some() || self.state == State::Lost
     }
 
-    /// Expects the target where its velocity leads (eq 5) or, while it is hidden, where it would have come to (eq 13).
-    pub(super) fn expect(&mut self, dt: f64) {
-        let place = match &self.hidden {
+    /// Expects the target where its velocity leads (eq 5) or, while it is hidden, where it would have come to (eq 13); one that
+    /// is given up, where it was seen last.
+    pub(super) fn expect(&mut self, dt: f64, params: &MaptrackParams) {
+        let place = match self.hidden {
             None => self.path.expected(dt),
             Some(hidden) => {
-                let time = self.path.last().time + hidden.time + dt - hidden.from.time;
-                [0, 1].map(|axis| hidden.from.place[axis] + hidden.from.velocity[axis] * time)
+                let last = self.path.last();
+                let time = last.time + hidden.time + dt - hidden.from.time;
+                let place = [0, 1].map(|axis| hidden.from.place[axis] + hidden.from.velocity[axis] * time);
+                if self.is_given_up(&hidden, place, params) { last.place } else { place }
             }
         };
         self.expected = Rect::around(place, self.rect.size());
@@ -253,9 +256,7 @@ impl Track {
         match self.hidden {
             None => {
                 let best = self.path.best_visibility(width);
-                let from = self.path.base(self.path.last().place, width);
-                let is_far = distance(from.place, self.path.last().place) >= width;
-                let from = if is_far { from } else { self.path.last() };
+                let from = self.held_from(width, settings.drift * width);
                 (self.sums.visibility < settings.begin * best).then_some(Hidden { from, best, time: dt })
             }
             Some(hidden) => {
@@ -263,6 +264,17 @@ impl Track {
                 (!is_back).then_some(Hidden { time: hidden.time + dt, ..hidden })
             }
         }
+    }
+
+    /// The moment from which the way of a target that is being hidden is reckoned on: f0 (eq 13). Where it has not come so far
+    /// yet, or would not be within `reach` of its last place by now, for it has turned since, that tells nothing of its way,
+    /// and it is reckoned on from the last moment.
+    fn held_from(&self, width: f64, reach: f64) -> Moment {
+        let last = self.path.last();
+        let from = self.path.base(last.place, width);
+        let now = [0, 1].map(|axis| from.place[axis] + from.velocity[axis] * (last.time - from.time));
+        let is_far = distance(from.place, last.place) >= width;
+        if is_far && distance(now, last.place) <= reach { from } else { last }
     }
 
     /// The box, closer to the blob that is its target's alone: each side by itself, for something may hide the target from one
@@ -328,18 +340,19 @@ impl Track {
         self.lost_for = if self.state == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
     }
 
-    /// Whether the track ends: the target has been hidden for too long or would have come too far, or has left the picture.
-    /// That of a marked one never does.
+    /// Whether the track ends: the target is given up, or has left the picture. That of a marked one never does.
     pub(super) fn has_ended(&self, bounds: &Rect, params: &MaptrackParams) -> bool {
         let [x, y] = self.rect.centre();
         let is_inside = x >= 0.0 && y >= 0.0 && x < bounds.w && y < bounds.h;
+        let is_gone = |hidden: &Hidden| self.is_given_up(hidden, self.expected.centre(), params);
+        !self.is_marked && (self.hidden.as_ref().is_some_and(is_gone) || !is_inside)
+    }
+
+    /// Whether a target that would be in `place` has been hidden for too long, or would have come too far.
+    fn is_given_up(&self, hidden: &Hidden, place: [f64; 2], params: &MaptrackParams) -> bool {
         let settings = &params.occlusion;
-        let is_gone = self.hidden.is_some_and(|hidden| {
-            let width = self.rect.w * params.model.margin;
-            hidden.time > settings.frames as f64
-                || distance(self.path.last().place, self.expected.centre()) > settings.widths * width
-        });
-        !self.is_marked && (is_gone || !is_inside)
+        let width = self.rect.w * params.model.margin;
+        hidden.time > settings.frames as f64 || distance(self.path.last().place, place) > settings.widths * width
     }
 
     /// How alike its colours are to those of another, 0 to 1.
