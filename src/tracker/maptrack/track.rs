@@ -256,7 +256,7 @@ impl Track {
         match self.hidden {
             None => {
                 let best = self.path.best_visibility(width);
-                let from = self.held_from(width);
+                let from = self.held_from(width, settings.widths * width);
                 (self.sums.visibility < settings.begin * best).then_some(Hidden { from, best, time: dt })
             }
             Some(hidden) => {
@@ -267,14 +267,14 @@ impl Track {
     }
 
     /// The moment from which the way of a target that is being hidden is reckoned on: f0 (eq 13). Where it has not come so far
-    /// yet, or would be more than a region's width from its last place by now, for it has turned since, that tells nothing of its way,
-    /// and it is reckoned on from the last moment.
-    fn held_from(&self, width: f64) -> Moment {
+    /// yet, or would by now be more than `reach` from its last place, for it has turned since, that tells nothing of its
+    /// way, and it is reckoned on from the last moment.
+    fn held_from(&self, width: f64, reach: f64) -> Moment {
         let last = self.path.last();
         let from = self.path.base(last.place, width);
         let now = [0, 1].map(|axis| from.place[axis] + from.velocity[axis] * (last.time - from.time));
         let is_far = distance(from.place, last.place) >= width;
-        if is_far && distance(now, last.place) <= width { from } else { last }
+        if is_far && distance(now, last.place) <= reach { from } else { last }
     }
 
     /// The box, closer to the blob that is its target's alone: each side by itself, for something may hide the target from one
