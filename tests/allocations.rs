@@ -3,6 +3,11 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
+use long_term_tracker::crop::{Cropper, Patch};
+use long_term_tracker::detect::background::{Background, BackgroundSettings};
+use long_term_tracker::detect::blobs::{BlobFinder, Morphology};
+use long_term_tracker::detect::camera::warp;
+use long_term_tracker::detect::stabilisation::Stabiliser;
 use long_term_tracker::filter::Vector;
 use long_term_tracker::filter::gm_phd::{GmPhd, GmPhdSettings};
 use long_term_tracker::filter::motion::{MotionModel, Noise};
@@ -46,6 +51,39 @@ fn allocations(work: impl FnOnce()) -> usize {
 #[test]
 fn the_counter_counts() {
     assert!(allocations(|| drop(std::hint::black_box(vec![1, 2, 3]))) > 0);
+}
+
+/// A square that moves over still texture, and a camera that shakes by a pixel.
+#[test]
+fn motion_is_found_and_a_camera_followed_without_allocating_once_warm() {
+    const SIDE: usize = 160;
+    let frame = |k: usize| -> Vec<u8> {
+        let pixel = |i: usize| {
+            let (x, y) = (i % SIDE + k % 2, i / SIDE);
+            let square = (20..50).contains(&(x + 160 - 2 * k)) && (60..90).contains(&y);
+            if square { 250 } else { ((x / 4 * 7919 + y / 4 * 104_729) % 181) as u8 }
+        };
+        (0..SIDE * SIDE).map(pixel).collect()
+    };
+    let frames: Vec<Vec<u8>> = (70..100).map(frame).collect();
+    let (mut cropper, mut patch) = (Cropper::default(), Patch::default());
+    let (mut stabiliser, mut still, mut covered) = (Stabiliser::default(), Patch::default(), Vec::new());
+    let (mut background, mut mask) = (Background::new(BackgroundSettings::default()), Vec::new());
+    let (mut morphology, mut finder, mut blobs) = (Morphology::default(), BlobFinder::default(), Vec::new());
+    let mut round = || {
+        for data in &frames {
+            let frame = Frame::new(data, SIDE as u32, SIDE as u32, SIDE, Encoding::Mono8, None).unwrap();
+            cropper.crop_luma(&frame, &frame.bounds(), SIDE, SIDE, &mut patch);
+            let motion = stabiliser.step(&patch).expect("a still scene");
+            warp(&patch, &motion, &mut still, &mut covered);
+            background.apply(&still, &mut mask);
+            morphology.open_close(&mut mask, SIDE, SIDE, 3);
+            finder.find(&mask, SIDE, &mut blobs);
+        }
+    };
+    round();
+    assert_eq!(allocations(&mut round), 0);
+    assert!(!blobs.is_empty(), "it looked at something");
 }
 
 /// A tracked box in most frames, five proposals in some.
