@@ -177,5 +177,40 @@ fn sizes(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, features, filter, network, step, sizes);
+/// Steps of MAPTrack with ten targets, which cross a picture of 768 x 576.
+fn many(c: &mut Criterion) {
+    const SIZE: [usize; 2] = [768, 576];
+    const COUNT: usize = 10;
+    let algorithm = Value::String("maptrack".into());
+    let params = Params::default().with([("algorithm", &algorithm)], Phase::StartUp).expect("the tracker is known");
+    let ground: Vec<u8> = texture(1, SIZE[0], SIZE[1]).iter().map(|v| 100 + v / 8).collect();
+    let figures: Vec<Vec<u8>> = (0..COUNT as u64).map(|i| texture(2 + i, 25, 50)).collect();
+    // Every second one goes to the left.
+    let place = |i: usize, k: usize| [if i % 2 == 0 { 50 + 3 * k } else { 690 - 3 * k }, 10 + 55 * i];
+    let drawn = |data: Vec<u8>, i: usize, k: usize| drawn(&data, SIZE[0], &figures[i], 25, place(i, k));
+    let video: Vec<Vec<u8>> =
+        (0..PERIOD).map(|k| (0..COUNT).fold(ground.clone(), |data, i| drawn(data, i, k))).collect();
+    let frame = |k: usize| {
+        let there_and_back = if k / PERIOD % 2 == 0 { k % PERIOD } else { PERIOD - 1 - k % PERIOD };
+        Frame::new(&video[there_and_back], SIZE[0] as u32, SIZE[1] as u32, 3 * SIZE[0], Encoding::Rgb8, None)
+            .expect("the layout fits")
+    };
+    let mut session = Session::new(params).expect("no file is named");
+    session.step(
+        &Frame::new(&ground, SIZE[0] as u32, SIZE[1] as u32, 3 * SIZE[0], Encoding::Rgb8, None).unwrap(),
+        &mut (),
+    );
+    let mut k = 0;
+    let mut most = 0;
+    c.bench_function("maptrack/10", |b| {
+        b.iter(|| {
+            k += 1;
+            most = most.max(session.step(&frame(k), &mut ()).targets.len());
+        })
+    });
+    assert!(most == 0 || most >= COUNT, "{most} targets");
+    eprintln!("maptrack/10: {} targets at the end, {most} at most", session.output().targets.len());
+}
+
+criterion_group!(benches, features, filter, network, step, sizes, many);
 criterion_main!(benches);

@@ -20,6 +20,12 @@ fn the_other_tracker_is_told_and_shown_alike() {
     whole_life("etepf");
 }
 
+#[test]
+fn what_moves_is_found_told_and_shown_without_a_mark() {
+    let log = scenario("found", &[], &["--ros-args", "--params-file", "params/maptrack.yaml"]);
+    assert!(!log.contains("ERROR") && !log.contains("rustdds"), "{log}");
+}
+
 fn whole_life(algorithm: &str) {
     let domain = domain();
     let node = Node::start(domain, &["--ros-args", "-p", &format!("algorithm:={algorithm}")]);

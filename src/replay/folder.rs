@@ -23,10 +23,9 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// The images in `path`, or in `path/img` where there is such a folder. None at all is an error.
+    /// The images in `path`, or in `path/img` where there is such a folder or a link to one. None at all is an error.
     pub fn open(path: &Path) -> Result<Self, ReplayError> {
-        let inner = path.join(IMAGE_FOLDER);
-        let path = if inner.is_dir() { inner } else { path.to_owned() };
+        let path = image_folder(path);
         let failed = |source| ReplayError::Io { path: path.clone(), source };
         let mut images = Vec::new();
         for entry in std::fs::read_dir(&path).map_err(failed)? {
@@ -69,6 +68,17 @@ impl FrameSource for Folder {
     }
 }
 
+/// The folder with the images of a sequence.
+fn image_folder(path: &Path) -> PathBuf {
+    let inner = path.join(IMAGE_FOLDER);
+    if inner.is_dir() {
+        return inner;
+    }
+    let bytes = std::fs::read(inner).unwrap_or_default();
+    let linked = link(&bytes).map(|link| path.join(link)).filter(|folder| folder.is_dir());
+    linked.unwrap_or_else(|| path.to_owned())
+}
+
 /// Hidden files are none: archives leave such behind (`._0001.jpg`).
 fn is_image(path: &Path) -> bool {
     let hidden = path.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
@@ -85,20 +95,21 @@ fn decoded(path: &Path, bytes: &[u8]) -> Result<FrameBuffer, ReplayError> {
     decode(bytes, None).map_err(|source| ReplayError::Decode { path: path.to_owned(), source })
 }
 
-/// The bytes of a file, or of the one it stands for: archives and file systems without symbolic links keep such a
-/// link as a small file that holds the path.
+/// The bytes of a file, or of the one it stands for.
 fn load(path: &Path) -> Result<Vec<u8>, ReplayError> {
     let get = |path: &Path| std::fs::read(path).map_err(|source| ReplayError::Io { path: path.to_owned(), source });
     let bytes = get(path)?;
-    let link = (bytes.len() <= MAX_LINK)
-        .then(|| std::str::from_utf8(&bytes).ok())
-        .flatten()
-        .map(str::trim)
-        .filter(|text| !text.is_empty() && !text.contains(char::is_control));
-    match (link, path.parent()) {
+    match (link(&bytes), path.parent()) {
         (Some(link), Some(parent)) if is_image(Path::new(link)) => get(&parent.join(link)),
         _ => Ok(bytes),
     }
+}
+
+/// What a file links to in writing, relative to its folder: archives and file systems without symbolic links keep such a
+/// link as a small file that holds the path.
+fn link(bytes: &[u8]) -> Option<&str> {
+    let text = (bytes.len() <= MAX_LINK).then(|| std::str::from_utf8(bytes).ok()).flatten()?.trim();
+    (!text.is_empty() && !text.contains(char::is_control)).then_some(text)
 }
 
 #[cfg(test)]
@@ -205,5 +216,12 @@ mod tests {
         assert_eq!(read(&img.join("1.png")).unwrap(), read(&frames.join("1.png")).unwrap());
         std::fs::write(img.join("2.png"), "../frames/2.png").unwrap();
         assert!(read(&img.join("2.png")).unwrap_err().to_string().contains("frames/2.png: No such file"));
+
+        let sequence = dir.path().join("sequence");
+        std::fs::create_dir(&sequence).unwrap();
+        std::fs::write(sequence.join("img"), "../frames\n").unwrap();
+        assert_eq!(names(Folder::open(&sequence).unwrap()), ["1.png"]);
+        std::fs::write(sequence.join("img"), "../gone").unwrap();
+        assert!(Folder::open(&sequence).unwrap_err().to_string().contains("sequence"));
     }
 }

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from input import *  # noqa: F403
+from long_term_tracker.msg import Track
 from peer import *  # noqa: F403
 from rcl_interfaces.msg import ParameterEvent, Log
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -67,6 +68,45 @@ def whole_life(node_pid, algorithm):
 
     os.kill(int(node_pid), signal.SIGINT)
     peer.spin_until(lambda: "/tracker" not in peer.listed(), "the node is gone", 2.0)
+    peer.close()
+
+
+def found():
+    """Nothing is marked: what moves is found, keeps its id, can be stopped, and is found again after a restart."""
+    peer = Peer()
+    # First the camera sees the background alone.
+    peer.scene.hidden = range(100)
+    peer.connect()
+    looked = []
+    peer.node.create_subscription(Image, "/tracker/debug/response", looked.append, qos_profile_sensor_data)
+
+    def on_target(said):
+        box = peer.scene.box(peer.index)
+        return next((t for t in said.tracks if t.state == Track.TRACKING and iou(box_of(t), box) > 0.3), None)
+
+    def find():
+        for _ in range(60):
+            track = on_target(peer.step())
+            if track:
+                return track
+        raise AssertionError("what moves was not found within 60 frames")
+
+    assert not any(peer.step().tracks for _ in range(99)), "nothing moves yet"
+    first = find()
+    for _ in range(60):
+        said = peer.step()
+        track = on_target(said)
+        assert said.algorithm == "maptrack" and track and track.id == first.id, said
+    peer.spin_until(lambda: peer.step() and looked, "the images of its region")
+
+    assert peer.trigger("stop").success
+    assert not any(peer.step().tracks for _ in range(20)), "nothing is found after a stop"
+    assert peer.trigger("restart").success
+    again = find()
+    assert again.id != first.id, again
+    # A mark starts a target beside what is found.
+    peer.mark(10, 10, 30, 30)
+    peer.spin_until(lambda: len(peer.step().tracks) > 1, "the mark's track")
     peer.close()
 
 
