@@ -33,11 +33,12 @@ pub struct Settings {
 pub struct MaskedFilter {
     settings: Settings,
     channels: usize,
-    /// Spectra of the remembered samples, `memory x channels x bins`; the first is the first frame's.
-    samples: Vec<Complex32>,
+    /// Spectra of the remembered samples, `memory x channels x bins`, packed; the first is the first frame's.
+    samples: Vec<Pack>,
     /// Weight of each remembered sample; they sum to 1.
     weights: Vec<f32>,
-    label: Vec<Complex32>,
+    /// Spectrum of the label, packed.
+    label: Vec<Pack>,
     /// Indices of the cells where the filter may differ from zero.
     support: Vec<u32>,
     /// Filter coefficients, `channels x support`.
@@ -56,6 +57,58 @@ struct Solver {
     map: Vec<f32>,
     spectra: Vec<Complex32>,
     sums: Vec<Complex32>,
+    /// A filter that the normal equations are applied to and what comes of it, `channels x bins`, packed.
+    packed_filter: Vec<Pack>,
+    product: Vec<Pack>,
+}
+
+/// Bins of a pack.
+const LANES: usize = 8;
+
+/// The values of neighbouring bins, real and imaginary parts apart, as vector units like them. Bins beyond the last are 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Pack {
+    re: [f32; LANES],
+    im: [f32; LANES],
+}
+
+impl Pack {
+    fn of(values: &[Complex32]) -> Self {
+        let mut pack = Self::default();
+        for (i, value) in values.iter().enumerate() {
+            (pack.re[i], pack.im[i]) = (value.re, value.im);
+        }
+        pack
+    }
+
+    /// Adds `a conj(b)`.
+    #[inline(always)]
+    fn add_product(&mut self, a: &Self, b: &Self) {
+        for i in 0..LANES {
+            self.re[i] += a.re[i] * b.re[i] + a.im[i] * b.im[i];
+            self.im[i] += a.im[i] * b.re[i] - a.re[i] * b.im[i];
+        }
+    }
+
+    #[inline(always)]
+    fn times(&self, factor: f32) -> Self {
+        Self { re: self.re.map(|v| v * factor), im: self.im.map(|v| v * factor) }
+    }
+}
+
+/// The packs of spectra of `bins` bins each.
+fn packs(spectra: &[Complex32], bins: usize) -> impl Iterator<Item = Pack> {
+    spectra.chunks_exact(bins).flat_map(|spectrum| spectrum.chunks(LANES).map(Pack::of))
+}
+
+/// The spectra of `bins` bins each that packs hold.
+fn unpack(packs: &[Pack], bins: usize, spectra: &mut [Complex32]) {
+    for (packs, spectrum) in packs.chunks_exact(bins.div_ceil(LANES)).zip(spectra.chunks_exact_mut(bins)) {
+        for (pack, values) in packs.iter().zip(spectrum.chunks_mut(LANES)) {
+            let parts = pack.re.iter().zip(&pack.im);
+            values.iter_mut().zip(parts).for_each(|(value, (&re, &im))| *value = Complex32 { re, im });
+        }
+    }
 }
 
 impl MaskedFilter {
@@ -65,12 +118,13 @@ impl MaskedFilter {
         fft.forward(label, &mut spectrum);
         let support: Vec<u32> = (0..mask.len() as u32).filter(|&i| mask[i as usize] > 0.0).collect();
         let unknowns = channels * support.len();
+        let size = channels * fft.bins().div_ceil(LANES);
         Self {
             settings,
             channels,
-            samples: Vec::with_capacity(settings.memory * channels * fft.bins()),
+            samples: Vec::with_capacity(settings.memory * size),
             weights: Vec::with_capacity(settings.memory),
-            label: spectrum,
+            label: packs(&spectrum, fft.bins()).collect(),
             coefficients: vec![0.0; unknowns],
             filter: vec![Complex32::default(); channels * fft.bins()],
             solver: Solver {
@@ -80,6 +134,8 @@ impl MaskedFilter {
                 map: vec![0.0; fft.cells()],
                 spectra: vec![Complex32::default(); channels * fft.bins()],
                 sums: vec![Complex32::default(); fft.bins()],
+                packed_filter: vec![Pack::default(); size],
+                product: vec![Pack::default(); size],
             },
             support,
         }
@@ -93,22 +149,26 @@ impl MaskedFilter {
     /// Puts a sample into the memory with weight `learning_rate` (the first: 1), without training. When the memory
     /// is full, the lightest sample but the first gives way.
     pub fn remember(&mut self, sample: &Sample, learning_rate: f32) {
-        let size = sample.spectra.len();
+        let size = self.solver.product.len();
+        let packed = packs(&sample.spectra, self.solver.sums.len());
         if self.weights.is_empty() {
             self.weights.push(1.0);
-            self.samples.extend_from_slice(&sample.spectra);
+            self.samples.extend(packed);
             return;
         }
         self.weights.iter_mut().for_each(|w| *w *= 1.0 - learning_rate);
         if self.weights.len() < self.settings.memory {
             self.weights.push(learning_rate);
-            self.samples.extend_from_slice(&sample.spectra);
+            self.samples.extend(packed);
         } else {
             let lightest = (1..self.weights.len())
                 .min_by(|&a, &b| self.weights[a].total_cmp(&self.weights[b]))
                 .expect("a memory holds at least two samples");
             self.weights[lightest] = learning_rate;
-            self.samples[lightest * size..(lightest + 1) * size].copy_from_slice(&sample.spectra);
+            self.samples[lightest * size..(lightest + 1) * size]
+                .iter_mut()
+                .zip(packed)
+                .for_each(|(old, new)| *old = new);
         }
         self.weights[0] = self.weights[0].max(self.settings.first_weight);
         let sum: f32 = self.weights.iter().sum();
@@ -163,19 +223,19 @@ impl MaskedFilter {
 
     /// Mean energy of the first sample's channels over the cells: the scale of the normal equations.
     fn energy(&self, fft: &Fft2) -> f32 {
-        let size = self.channels * fft.bins();
-        let sum: f32 = self.samples[..size].iter().map(|v| v.norm_sqr()).sum();
+        let first = &self.samples[..self.solver.product.len()];
+        let sum: f32 = first.iter().flat_map(|pack| pack.re.iter().chain(&pack.im)).map(|v| v * v).sum();
         sum / (self.channels * fft.cells()) as f32
     }
 
     /// b = sum_k a_k x_k * y on the support, into the residual.
     fn right_hand_side(&mut self, fft: &mut Fft2) {
-        let Solver { spectra, map, residual, .. } = &mut self.solver;
-        let bins = fft.bins();
-        spectra.fill(Complex32::default());
-        for (sample, &weight) in self.samples.chunks_exact(self.channels * bins).zip(&self.weights) {
-            accumulate(spectra, sample, &self.label, weight);
+        let Solver { spectra, map, residual, product, .. } = &mut self.solver;
+        product.fill(Pack::default());
+        for (sample, &weight) in self.samples.chunks_exact(product.len()).zip(&self.weights) {
+            accumulate(product, sample, &self.label, weight);
         }
+        unpack(product, fft.bins(), spectra);
         gather(fft, spectra, map, &self.support, residual);
     }
 
@@ -183,8 +243,10 @@ impl MaskedFilter {
     fn apply(&mut self, fft: &mut Fft2, coefficients: &[f32], lambda: f32) {
         let mut filter = std::mem::take(&mut self.filter);
         self.transform(fft, coefficients, &mut filter);
-        let Solver { spectra, map, image, .. } = &mut self.solver;
-        normal_product(&self.samples, &self.weights, &filter, fft.bins(), spectra);
+        let Solver { spectra, map, image, packed_filter, product, .. } = &mut self.solver;
+        packed_filter.iter_mut().zip(packs(&filter, fft.bins())).for_each(|(old, new)| *old = new);
+        normal_product(&self.samples, &self.weights, packed_filter, self.label.len(), product);
+        unpack(product, fft.bins(), spectra);
         gather(fft, spectra, map, &self.support, image);
         image.iter_mut().zip(coefficients).for_each(|(i, f)| *i += lambda * f);
         self.filter = filter;
@@ -216,52 +278,40 @@ fn correlate(filter: &[Complex32], sample: &[Complex32], sums: &mut [Complex32])
     }
 }
 
-/// Bins that are worked on at a time: those of all channels of a sample, of the filter and of the product fit the
+/// Packs that are worked on at a time: those of all channels of a sample, of the filter and of the product fit the
 /// first-level cache together, so that the samples are read from memory once.
-const BLOCK: usize = 32;
+const BLOCK: usize = 4;
 
-/// product = sum_k w_k x_k conj(sum_d conj(f_d) x_kd): the normal equations applied to a filter. Everything is done bin
-/// by bin, so the bins are taken in blocks.
+/// product = sum_k w_k x_k conj(sum_d conj(f_d) x_kd): the normal equations applied to a filter, of `bins` packs a channel.
+/// Everything is done bin by bin, so they are taken in blocks.
 #[multiversion(targets("x86_64+avx2+fma"))]
-fn normal_product(
-    samples: &[Complex32],
-    weights: &[f32],
-    filter: &[Complex32],
-    bins: usize,
-    product: &mut [Complex32],
-) {
-    product.fill(Complex32::default());
+fn normal_product(samples: &[Pack], weights: &[f32], filter: &[Pack], bins: usize, product: &mut [Pack]) {
+    product.fill(Pack::default());
     for start in (0..bins).step_by(BLOCK) {
-        let len = BLOCK.min(bins - start);
+        let block = start..bins.min(start + BLOCK);
         for (sample, &weight) in samples.chunks_exact(filter.len()).zip(weights) {
-            let mut sums = [Complex32::default(); BLOCK];
-            let sums = &mut sums[..len];
+            let mut sums = [Pack::default(); BLOCK];
             for (f, x) in filter.chunks_exact(bins).zip(sample.chunks_exact(bins)) {
-                let (f, x) = (&f[start..start + len], &x[start..start + len]);
-                for ((s, f), x) in sums.iter_mut().zip(f).zip(x) {
-                    s.re += f.re * x.re + f.im * x.im;
-                    s.im += f.re * x.im - f.im * x.re;
+                for ((s, f), x) in sums.iter_mut().zip(&f[block.clone()]).zip(&x[block.clone()]) {
+                    s.add_product(x, f);
                 }
             }
-            sums.iter_mut().for_each(|s| *s *= weight);
+            let sums = sums.map(|sum| sum.times(weight));
             for (p, x) in product.chunks_exact_mut(bins).zip(sample.chunks_exact(bins)) {
-                let (p, x) = (&mut p[start..start + len], &x[start..start + len]);
-                for ((p, x), s) in p.iter_mut().zip(x).zip(&*sums) {
-                    p.re += x.re * s.re + x.im * s.im;
-                    p.im += x.im * s.re - x.re * s.im;
+                for ((p, x), s) in p[block.clone()].iter_mut().zip(&x[block.clone()]).zip(&sums) {
+                    p.add_product(x, s);
                 }
             }
         }
     }
 }
 
-/// spectra += weight x sample x conj(response), channel by channel.
+/// product += weight x sample x conj(response), channel by channel.
 #[multiversion(targets("x86_64+avx2+fma"))]
-fn accumulate(spectra: &mut [Complex32], sample: &[Complex32], response: &[Complex32], weight: f32) {
-    for (out, x) in spectra.chunks_exact_mut(response.len()).zip(sample.chunks_exact(response.len())) {
+fn accumulate(product: &mut [Pack], sample: &[Pack], response: &[Pack], weight: f32) {
+    for (out, x) in product.chunks_exact_mut(response.len()).zip(sample.chunks_exact(response.len())) {
         for ((o, x), r) in out.iter_mut().zip(x).zip(response) {
-            o.re += weight * (x.re * r.re + x.im * r.im);
-            o.im += weight * (x.im * r.re - x.re * r.im);
+            o.add_product(&x.times(weight), r);
         }
     }
 }
@@ -389,7 +439,8 @@ mod tests {
             assert!((filter.weights.iter().sum::<f32>() - 1.0).abs() < 1e-6);
         }
         assert_eq!(filter.remembered(), 3);
-        assert_eq!(filter.samples[..first.spectra.len()], first.spectra[..]);
+        let packed: Vec<Pack> = packs(&first.spectra, fft.bins()).collect();
+        assert_eq!(filter.samples[..packed.len()], packed[..]);
         assert!(filter.weights[0] > 0.15);
     }
 }
