@@ -43,7 +43,7 @@ pub(in crate::tracker) struct Appearance {
 }
 
 enum Filter {
-    Masked(MaskedFilter),
+    Masked(Box<MaskedFilter>),
     Kernelised(KernelisedFilter),
 }
 
@@ -78,7 +78,8 @@ impl Appearance {
             FilterKind::Masked => {
                 let mask = mask(rows, cols, settings.mask * target[0], settings.mask * target[1]);
                 let settings = masked_settings(settings);
-                Filter::Masked(MaskedFilter::new(settings, &mut fft, extractor.channels(), &label, &mask))
+                let filter = MaskedFilter::new(settings, &mut fft, extractor.channels(), &label, &mask);
+                Filter::Masked(Box::new(filter))
             }
             FilterKind::Kernelised => {
                 let settings =
