@@ -186,12 +186,12 @@ fn many(c: &mut Criterion) {
     let ground: Vec<u8> = texture(1, SIZE[0], SIZE[1]).iter().map(|v| 100 + v / 8).collect();
     let figures: Vec<Vec<u8>> = (0..COUNT as u64).map(|i| texture(2 + i, 25, 50)).collect();
     // Every second one goes to the left.
-    let place = |i: usize, k: usize| [if i % 2 == 0 { 50 + 3 * k } else { 690 - 3 * k }, 10 + 55 * i];
+    let place = |i: usize, k: usize| [if i.is_multiple_of(2) { 50 + 3 * k } else { 690 - 3 * k }, 10 + 55 * i];
     let drawn = |data: Vec<u8>, i: usize, k: usize| drawn(&data, SIZE[0], &figures[i], 25, place(i, k));
     let video: Vec<Vec<u8>> =
         (0..PERIOD).map(|k| (0..COUNT).fold(ground.clone(), |data, i| drawn(data, i, k))).collect();
     let frame = |k: usize| {
-        let there_and_back = if k / PERIOD % 2 == 0 { k % PERIOD } else { PERIOD - 1 - k % PERIOD };
+        let there_and_back = if (k / PERIOD).is_multiple_of(2) { k % PERIOD } else { PERIOD - 1 - k % PERIOD };
         Frame::new(&video[there_and_back], SIZE[0] as u32, SIZE[1] as u32, 3 * SIZE[0], Encoding::Rgb8, None)
             .expect("the layout fits")
     };
