@@ -48,7 +48,8 @@ struct Mark {
 }
 
 impl Session {
-    /// A session that waits for a mark or, where the tracker finds targets by itself, for frames; or why a file that the parameters name cannot be used.
+    /// A session that waits for a mark or, where the tracker finds targets by itself, for frames; or why a file that the
+    /// parameters name cannot be used.
     pub fn new(params: Params) -> Result<Self, NetworkError> {
         Ok(Self {
             tracker: tracker::build(&params)?,

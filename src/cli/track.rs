@@ -25,8 +25,8 @@ use crate::tracker::Output;
 /// Writes CSV: the header x,y,w,h,confidence,state and one row a frame, the first with the initial box. Boxes are in
 /// pixels from the top left corner; the state is tracking, uncertain or lost, and the box of a lost target is the
 /// best guess. With --algorithm maptrack, which finds targets by itself, rows are those of MOTChallenge, without a header:
-/// frame (from 1),id,x,y,w,h,confidence,-1,-1,-1; a lost target has none. The last line on standard error tells the speed. Exit codes: 0 done, 1 failed while running, 2
-/// unusable arguments.
+/// frame (from 1),id,x,y,w,h,confidence,-1,-1,-1; a lost target has none. The last line on standard error tells the
+/// speed. Exit codes: 0 done, 1 failed while running, 2 unusable arguments.
 #[derive(Debug, Parser)]
 #[command(name = "track", version)]
 pub struct Args {

@@ -282,22 +282,22 @@ fn correlate(filter: &[Complex32], sample: &[Complex32], sums: &mut [Complex32])
 /// first-level cache together, so that the samples are read from memory once.
 const BLOCK: usize = 4;
 
-/// product = sum_k w_k x_k conj(sum_d conj(f_d) x_kd): the normal equations applied to a filter, of `bins` packs a channel.
+/// product = sum_k w_k x_k conj(sum_d conj(f_d) x_kd): the normal equations applied to a filter, of `length` packs a channel.
 /// Everything is done bin by bin, so they are taken in blocks.
 #[multiversion(targets("x86_64+avx2+fma"))]
-fn normal_product(samples: &[Pack], weights: &[f32], filter: &[Pack], bins: usize, product: &mut [Pack]) {
+fn normal_product(samples: &[Pack], weights: &[f32], filter: &[Pack], length: usize, product: &mut [Pack]) {
     product.fill(Pack::default());
-    for start in (0..bins).step_by(BLOCK) {
-        let block = start..bins.min(start + BLOCK);
+    for start in (0..length).step_by(BLOCK) {
+        let block = start..length.min(start + BLOCK);
         for (sample, &weight) in samples.chunks_exact(filter.len()).zip(weights) {
             let mut sums = [Pack::default(); BLOCK];
-            for (f, x) in filter.chunks_exact(bins).zip(sample.chunks_exact(bins)) {
+            for (f, x) in filter.chunks_exact(length).zip(sample.chunks_exact(length)) {
                 for ((s, f), x) in sums.iter_mut().zip(&f[block.clone()]).zip(&x[block.clone()]) {
                     s.add_product(x, f);
                 }
             }
             let sums = sums.map(|sum| sum.times(weight));
-            for (p, x) in product.chunks_exact_mut(bins).zip(sample.chunks_exact(bins)) {
+            for (p, x) in product.chunks_exact_mut(length).zip(sample.chunks_exact(length)) {
                 for ((p, x), s) in p[block.clone()].iter_mut().zip(&x[block.clone()]).zip(&sums) {
                     p.add_product(x, s);
                 }

@@ -51,8 +51,8 @@ const VIRIDIS: [[u8; 3]; 9] = [
 ];
 
 /// The frame with the search windows (thin, blue), the mode of each if there are modes, the predictions (dashed, white),
-/// the proposals (magenta), what looks like a target (violet, dashed), the particles (dots, the larger the heavier) and the box of each target (green: tracking,
-/// amber: uncertain, red: lost) with a line that gives its state, confidence and id. Thickness and text grow with the
+/// the proposals (magenta), what looks like a target (violet, dashed), the particles (dots, the larger the heavier) and the
+/// box of each target (green: tracking, amber: uncertain, red: lost) with a line that gives its state, confidence and id. Thickness and text grow with the
 /// picture, of which no side is longer than `max_side` pixels.
 pub fn annotated(frame: &Frame, output: &Output, scene: &Scene, max_side: u32) -> RgbImage {
     let mut image = rgb(frame, max_side);
