@@ -75,7 +75,7 @@ group! {
     pub struct LcmhtCnn at "lcmht.cnn." {
         enabled: bool = true; "Adds the outputs of a convolutional network to the layers."
         file: String = ""; "ONNX file of the network; empty takes the embedded one, EfficientNet-Lite0 up to block 10."
-        side: i64 = 128, in 32..=1024, unit "px"; "Side of the network's input, to which the search window is resampled."
+        side: i64 = 192, in 32..=1024, unit "px"; "Side of the network's input, to which the search window is resampled."
         mean: Vec<f64> = vec![127.0; 3]; "What is taken from the intensities (0 to 255) of each input channel."
         scale: Vec<f64> = vec![128.0; 3]; "What the intensities of each input channel are then divided by."
         order: ChannelOrder = ChannelOrder::Rgb; "Order of the input channels."

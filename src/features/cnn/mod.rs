@@ -6,7 +6,7 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `network.rs` | what a network must be, its loading and its checks |
-//! | `rust.rs` | inference by rten, in pure Rust |
+//! | `rust.rs` | inference by tract, in pure Rust |
 //! | `onnxruntime.rs` | inference by ONNX Runtime, where its library is there |
 
 mod network;

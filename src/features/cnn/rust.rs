@@ -1,70 +1,81 @@
-//! Inference in pure Rust, by rten.
+//! Inference in pure Rust, by tract.
 
-use std::borrow::Cow;
 use std::sync::Arc;
 
-use rten::{Dimension, Model, ModelOptions, NodeId, RunOptions, ThreadPool, Value};
-use rten_tensor::NdTensorView;
-use rten_tensor::prelude::*;
+use tract_linalg::multithread::{Executor, multithread_tract_scope};
+use tract_onnx::prelude::*;
+use tract_onnx::tract_hir::infer::GenericFactoid;
+use tract_onnx::tract_hir::internal::DimLike;
 
 use super::network::{self, Loaded, Network, Refusal, fill};
 use crate::features::FeatureMap;
 
 /// Its name in log lines.
-pub(super) const NAME: &str = "rten";
+pub(super) const NAME: &str = "tract";
 
-struct Rten {
-    model: Model,
-    input: NodeId,
-    outputs: Vec<NodeId>,
-    options: RunOptions,
+/// A network, and what was made of it for inputs of one size.
+struct Tract {
+    model: InferenceModel,
+    plan: Option<(usize, Arc<TypedRunnableModel>)>,
+    executor: Executor,
 }
 
 /// Loads a model.
 pub(super) fn load(model: network::Model, outputs: &[String], threads: usize) -> Result<Loaded, Refusal> {
-    let mut options = ModelOptions::with_all_ops();
-    options.prepack_weights(true);
-    let model = match model {
-        Cow::Borrowed(bytes) => options.load_static_slice(bytes),
-        Cow::Owned(bytes) => options.load(bytes),
+    let parsed = tract_onnx::onnx().model_for_read(&mut model.as_ref());
+    let mut model = parsed.map_err(|error| Refusal::Format(why(&error)))?;
+    if model.inputs.len() != 1 {
+        return Err(Refusal::Inputs(model.inputs.len()));
+    }
+    let name = |outlet: &OutletId| {
+        let label = model.outlet_label(*outlet);
+        label.map_or_else(|| model.node(outlet.node).name.clone(), str::to_owned)
     };
-    let model = model.map_err(|error| Refusal::Format(error.to_string()))?;
-    let &[input] = model.input_ids() else { return Err(Refusal::Inputs(model.input_ids().len())) };
-    let name = |id: NodeId| model.node_info(id).and_then(|info| info.name().map(str::to_owned)).unwrap_or_default();
-    let known: Vec<(String, NodeId)> = model.output_ids().iter().map(|&id| (name(id), id)).collect();
+    let known: Vec<(String, OutletId)> = model.outputs.iter().map(|outlet| (name(outlet), *outlet)).collect();
     let find = |wanted: &String| {
-        known.iter().find(|(name, _)| name == wanted).map(|&(_, id)| id).ok_or_else(|| Refusal::Output {
+        known.iter().find(|(name, _)| name == wanted).map(|&(_, outlet)| outlet).ok_or_else(|| Refusal::Output {
             name: wanted.clone(),
             known: known.iter().map(|(name, _)| name.clone()).collect(),
         })
     };
-    let outputs = outputs.iter().map(find).collect::<Result<_, _>>()?;
-    let pool = Arc::new(ThreadPool::with_num_threads(threads));
-    let options = RunOptions::default().with_thread_pool(Some(pool));
-    Ok(Box::new(Rten { model, input, outputs, options }))
+    model.outputs = outputs.iter().map(find).collect::<Result<_, _>>()?;
+    let executor = if threads > 1 { Executor::multithread(threads) } else { Executor::SingleThread };
+    Ok(Box::new(Tract { model, plan: None, executor }))
 }
 
-impl Network for Rten {
+impl Network for Tract {
     fn input(&self) -> Vec<Option<usize>> {
-        let fixed = |side: &Dimension| match side {
-            Dimension::Fixed(side) => Some(*side),
-            Dimension::Symbolic(_) => None,
+        let Ok(fact) = self.model.input_fact(0) else { return Vec::new() };
+        let side = |side: &GenericFactoid<TDim>| match side {
+            GenericFactoid::Only(side) => side.to_usize().ok(),
+            GenericFactoid::Any => None,
         };
-        self.model.input_shape(0).unwrap_or_default().iter().map(fixed).collect()
+        fact.shape.dims().map(side).collect()
     }
 
     fn run(&mut self, image: &[f32], side: usize, maps: &mut [FeatureMap]) -> Result<(), String> {
-        let image = NdTensorView::from_data([1, 3, side, side], image);
-        let inputs = vec![(self.input, image.into())];
-        let values =
-            self.model.run(inputs, &self.outputs, Some(self.options.clone())).map_err(|error| error.to_string())?;
-        for (value, map) in values.into_iter().zip(maps) {
-            let Value::FloatTensor(tensor) = value else {
-                return Err("an output holds no floats".to_owned());
-            };
-            let tensor = tensor.into_contiguous();
-            fill(map, tensor.shape().iter().copied(), tensor.data())?;
+        let shape = [1, 3, side, side];
+        if self.plan.as_ref().is_none_or(|(planned, _)| *planned != side) {
+            self.plan = Some((side, plan(&self.model, shape).map_err(|error| why(&error))?));
+        }
+        let Self { plan: Some((_, plan)), executor, .. } = self else { unreachable!("it was planned just now") };
+        let compute = || -> TractResult<_> { plan.run(tvec!(Tensor::from_shape(&shape, image)?.into())) };
+        let values = multithread_tract_scope(executor.clone(), compute).map_err(|error| why(&error))?;
+        for (value, map) in values.iter().zip(maps) {
+            let plain = value.as_plain_ram().ok_or("an output holds no floats")?;
+            let data = plain.as_slice::<f32>().map_err(|error| why(&error))?;
+            fill(map, value.shape().iter().copied(), data)?;
         }
         Ok(())
     }
+}
+
+/// The model, optimised for inputs of a shape.
+fn plan(model: &InferenceModel, shape: [usize; 4]) -> TractResult<Arc<TypedRunnableModel>> {
+    model.clone().with_input_fact(0, f32::fact(shape).into())?.into_optimized()?.into_runnable()
+}
+
+/// What an error says, with its causes, on one line.
+fn why(error: &TractError) -> String {
+    format!("{error:#}")
 }
