@@ -6,13 +6,13 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `network.rs` | what a network must be, its loading and its checks |
-//! | `rust.rs` | inference by tract, in pure Rust |
+//! | `builtin.rs` | inference by tract, which is built in |
 //! | `onnxruntime.rs` | inference by ONNX Runtime, where its library is there |
 
+mod builtin;
 mod network;
 #[cfg(feature = "onnxruntime")]
 mod onnxruntime;
-mod rust;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

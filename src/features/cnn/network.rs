@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-use super::rust;
+use super::builtin;
 use crate::error::NetworkError;
 use crate::features::FeatureMap;
 use crate::params::{ChannelOrder, Inference, LcmhtCnn};
@@ -121,15 +121,15 @@ fn run_by(settings: &Settings, model: Model) -> Result<Loaded, Refusal> {
             say(&runtime.name());
             return runtime.load(&model, outputs, *threads);
         }
-        Err(why) => say(&format!("{}, {why}", rust::NAME)),
+        Err(why) => say(&format!("{}, {why}", builtin::NAME)),
     }
     #[cfg(not(feature = "onnxruntime"))]
     if settings.inference == Inference::OnnxRuntime {
         return Err(Refusal::Runtime("this program was built without it".to_owned()));
     } else {
-        say(rust::NAME);
+        say(builtin::NAME);
     }
-    rust::load(model, outputs, *threads)
+    builtin::load(model, outputs, *threads)
 }
 
 fn refused(refusal: Refusal, file: &str, side: usize) -> NetworkError {

@@ -1,4 +1,4 @@
-//! Inference in pure Rust, by tract.
+//! Inference by tract, which is built in.
 
 use std::sync::Arc;
 
@@ -55,12 +55,15 @@ impl Network for Tract {
 
     fn run(&mut self, image: &[f32], side: usize, maps: &mut [FeatureMap]) -> Result<(), String> {
         let shape = [1, 3, side, side];
-        if self.plan.as_ref().is_none_or(|(planned, _)| *planned != side) {
-            self.plan = Some((side, plan(&self.model, shape).map_err(|error| why(&error))?));
-        }
-        let Self { plan: Some((_, plan)), executor, .. } = self else { unreachable!("it was planned just now") };
+        let plan = match &self.plan {
+            Some((planned, plan)) if *planned == side => plan.clone(),
+            _ => {
+                let plan = optimised(&self.model, shape).map_err(|error| why(&error))?;
+                self.plan.insert((side, plan)).1.clone()
+            }
+        };
         let compute = || -> TractResult<_> { plan.run(tvec!(Tensor::from_shape(&shape, image)?.into())) };
-        let values = multithread_tract_scope(executor.clone(), compute).map_err(|error| why(&error))?;
+        let values = multithread_tract_scope(self.executor.clone(), compute).map_err(|error| why(&error))?;
         for (value, map) in values.iter().zip(maps) {
             let plain = value.as_plain_ram().ok_or("an output holds no floats")?;
             let data = plain.as_slice::<f32>().map_err(|error| why(&error))?;
@@ -71,7 +74,7 @@ impl Network for Tract {
 }
 
 /// The model, optimised for inputs of a shape.
-fn plan(model: &InferenceModel, shape: [usize; 4]) -> TractResult<Arc<TypedRunnableModel>> {
+fn optimised(model: &InferenceModel, shape: [usize; 4]) -> TractResult<Arc<TypedRunnableModel>> {
     model.clone().with_input_fact(0, f32::fact(shape).into())?.into_optimized()?.into_runnable()
 }
 
