@@ -65,6 +65,8 @@ struct Followed {
     id: Arc<str>,
     params: LcmhtParams,
     rect: Rect,
+    /// Whether the last frame had colour.
+    colour: bool,
     appearance: Appearance,
     scale: ScaleFilter,
     motion: Motion,
@@ -181,6 +183,7 @@ impl Followed {
         Self {
             id,
             rect,
+            colour: frame.encoding().is_colour(),
             appearance,
             scale,
             motion: Motion::new(&params.motion, &params.phd, &rect, frame.bounds().area()),
@@ -213,6 +216,11 @@ impl Followed {
         trace.stage(Stage::Localise);
         self.neighbours.predict(dt);
         let mut answer = self.localise(expected);
+        let colour = frame.encoding().is_colour();
+        if colour != std::mem::replace(&mut self.colour, colour) {
+            // Without colour the filter answers otherwise, however well it is the target.
+            self.confidence.rebase(answer.response);
+        }
         self.judged = answer.response * self.opinion(&answer, frame, cropper);
         self.confidence.assess(self.judged);
         self.watch_neighbours(&answer, frame, cropper);

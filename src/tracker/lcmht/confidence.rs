@@ -120,6 +120,13 @@ impl Confidence {
         self.state
     }
 
+    /// Takes what the target just got for what it usually gets from now on: the images have become of another kind.
+    pub(in crate::tracker) fn rebase(&mut self, response: f64) {
+        if self.state != State::Lost {
+            self.reference = response.max(LEAST_REFERENCE);
+        }
+    }
+
     /// The target is there.
     pub(in crate::tracker) fn found(&mut self) {
         self.state = State::Tracking;
@@ -182,6 +189,19 @@ mod tests {
             c.assess(response);
         }
         assert_eq!(c.state(), State::Tracking);
+    }
+
+    #[test]
+    fn a_target_seen_in_another_kind_of_images_is_measured_by_those_unless_it_is_lost() {
+        let mut c = confidence();
+        c.rebase(0.2);
+        assert_eq!((c.assess(0.2), c.quality(0.1)), (State::Tracking, 0.5));
+        for _ in 0..20 {
+            c.assess(0.01);
+        }
+        let usual = c.usual();
+        c.rebase(0.01);
+        assert_eq!((c.state(), c.usual()), (State::Lost, usual));
     }
 
     #[test]
