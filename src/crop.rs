@@ -1,7 +1,8 @@
 //! Cuts a window out of a frame and resamples it to a patch of fixed size.
 //!
 //! The resampling filter is a triangle, as wide as a pixel of the coarser of the two grids, so that enlarging
-//! interpolates linearly and shrinking averages. Beyond the image the border pixels go on.
+//! interpolates linearly and shrinking averages. It may be wider, and the patch is blurred then. Beyond the image the border
+//! pixels go on.
 
 use crate::frame::{Frame, Plane};
 use crate::geometry::Rect;
@@ -59,11 +60,11 @@ struct Axis {
 }
 
 impl Axis {
-    /// Covers `[origin, origin + length)` of an input of `limit` pixels by `count` output pixels. Taps beyond the input
-    /// fall on its outermost pixels.
-    fn plan(&mut self, origin: f64, length: f64, count: usize, limit: usize) {
+    /// Covers `[origin, origin + length)` of an input of `limit` pixels by `count` output pixels, each a mean over at least
+    /// `blur` input pixels to either side. Taps beyond the input fall on its outermost pixels.
+    fn plan(&mut self, origin: f64, length: f64, count: usize, limit: usize, blur: f64) {
         let scale = length / count as f64;
-        let radius = scale.max(1.0);
+        let radius = scale.max(1.0).max(blur);
         let last = limit as i64 - 1;
         let reach = (2.0 * radius).ceil() as i64;
         self.taps = (reach as usize).min(limit);
@@ -125,6 +126,8 @@ impl Axis {
 pub struct Cropper {
     columns: Axis,
     rows: Axis,
+    /// How far the resampling filter reaches at least, across and down, in pixels of the frame.
+    blur: [f64; 2],
     /// One input row as floats, a plane.
     line: Vec<f32>,
     /// Input rows resampled in x: `rows x width`, a plane.
@@ -151,12 +154,21 @@ impl Cropper {
         self.resample(frame, Plane::Luma, &mut patch.planes[0]);
     }
 
+    /// What `work` crops is blurred by a triangle that reaches `blur` pixels of the frame to either side, across and down.
+    pub fn blurred<T>(&mut self, blur: [f64; 2], work: impl FnOnce(&mut Self) -> T) -> T {
+        self.blur = blur;
+        let done = work(self);
+        self.blur = [0.0; 2];
+        done
+    }
+
     fn plan(&mut self, frame: &Frame, window: &Rect, width: usize, height: usize) {
         let [columns, rows] = frame.grid();
         let across = f64::from(columns) / f64::from(frame.width());
         let down = f64::from(rows) / f64::from(frame.height());
-        self.columns.plan(window.x * across, window.w * across, width, columns as usize);
-        self.rows.plan(window.y * down, window.h * down, height, rows as usize);
+        let blur = [self.blur[0] * across, self.blur[1] * down];
+        self.columns.plan(window.x * across, window.w * across, width, columns as usize, blur[0]);
+        self.rows.plan(window.y * down, window.h * down, height, rows as usize, blur[1]);
     }
 
     fn resample(&mut self, frame: &Frame, plane: Plane, out: &mut [u8]) {
@@ -234,12 +246,15 @@ mod tests {
         let (w, h) = (23, 17);
         let data: Vec<u8> = (0..w * h).map(|i| ((i * i * 7 + i * 13) % 251) as u8).collect();
         let frame = Frame::new(&data, w as u32, h as u32, w, Encoding::Mono8, None).unwrap();
-        for (window, pw, ph) in [
-            (Rect::new(3.2, 1.7, 9.0, 7.5), 16, 12),
-            (Rect::new(-4.0, 2.0, 30.0, 14.0), 8, 8),
-            (Rect::new(10.0, -6.0, 20.0, 30.0), 20, 5),
+        for (window, pw, ph, blur) in [
+            (Rect::new(3.2, 1.7, 9.0, 7.5), 16, 12, [0.0, 0.0]),
+            (Rect::new(-4.0, 2.0, 30.0, 14.0), 8, 8, [0.0, 0.0]),
+            (Rect::new(10.0, -6.0, 20.0, 30.0), 20, 5, [0.0, 0.0]),
+            (Rect::new(3.2, 1.7, 9.0, 7.5), 16, 12, [2.7, 0.0]),
+            (Rect::new(10.0, -6.0, 20.0, 30.0), 20, 5, [1.5, 9.2]),
         ] {
-            let patch = crop(&frame, window, pw, ph);
+            let mut patch = Patch::default();
+            Cropper::default().blurred(blur, |cropper| cropper.crop(&frame, &window, pw, ph, &mut patch));
             let (sx, sy) = (window.w / pw as f64, window.h / ph as f64);
             let kernel = |d: f64, r: f64| (1.0 - d.abs() / r).max(0.0);
             for y in 0..ph {
@@ -249,7 +264,8 @@ mod tests {
                     let (mut sum, mut norm) = (0.0, 0.0);
                     for j in -40i64..80 {
                         for i in -40i64..80 {
-                            let weight = kernel(i as f64 - cx, sx.max(1.0)) * kernel(j as f64 - cy, sy.max(1.0));
+                            let [rx, ry] = [sx.max(1.0).max(blur[0]), sy.max(1.0).max(blur[1])];
+                            let weight = kernel(i as f64 - cx, rx) * kernel(j as f64 - cy, ry);
                             let (fx, fy) = (i.clamp(0, w as i64 - 1), j.clamp(0, h as i64 - 1));
                             sum += weight * f64::from(data[fy as usize * w + fx as usize]);
                             norm += weight;

@@ -21,7 +21,9 @@ use super::sample::Sample;
 /// The fixed settings of a filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Samples remembered at the most.
+    /// Samples of the first frame: the first that come, which are never forgotten.
+    pub looks: usize,
+    /// Samples remembered at the most, more than the looks.
     pub memory: usize,
     /// Weight that the first sample never falls below.
     pub first_weight: f32,
@@ -33,7 +35,7 @@ pub struct Settings {
 pub struct MaskedFilter {
     settings: Settings,
     channels: usize,
-    /// Spectra of the remembered samples, `memory x channels x bins`, packed; the first is the first frame's.
+    /// Spectra of the remembered samples, `memory x channels x bins`, packed; those of the first frame come first.
     samples: Vec<Pack>,
     /// Weight of each remembered sample; they sum to 1.
     weights: Vec<f32>,
@@ -147,7 +149,7 @@ impl MaskedFilter {
     }
 
     /// Puts a sample into the memory with weight `learning_rate` (the first: 1), without training. When the memory
-    /// is full, the lightest sample but the first gives way.
+    /// is full, the lightest sample that is not of the first frame gives way.
     pub fn remember(&mut self, sample: &Sample, learning_rate: f32) {
         let size = self.solver.product.len();
         let packed = packs(&sample.spectra, self.solver.sums.len());
@@ -161,9 +163,9 @@ impl MaskedFilter {
             self.weights.push(learning_rate);
             self.samples.extend(packed);
         } else {
-            let lightest = (1..self.weights.len())
+            let lightest = (self.settings.looks..self.weights.len())
                 .min_by(|&a, &b| self.weights[a].total_cmp(&self.weights[b]))
-                .expect("a memory holds at least two samples");
+                .expect("a memory has room for more than the first frame");
             self.weights[lightest] = learning_rate;
             self.samples[lightest * size..(lightest + 1) * size]
                 .iter_mut()
@@ -363,7 +365,7 @@ mod tests {
         Sample::new(std::iter::once(0..CHANNELS).collect(), spectra)
     }
 
-    const SETTINGS: Settings = Settings { memory: 3, first_weight: 0.2, regularisation: 0.05 };
+    const SETTINGS: Settings = Settings { looks: 1, memory: 3, first_weight: 0.2, regularisation: 0.05 };
     const LEARNING_RATE: f32 = 0.3;
 
     /// The normal equations written out as a dense matrix in the spatial domain and solved directly.
@@ -427,20 +429,23 @@ mod tests {
     }
 
     #[test]
-    fn a_full_memory_drops_the_lightest_sample_and_keeps_the_first() {
+    fn a_full_memory_drops_the_lightest_sample_and_keeps_those_of_the_first_frame() {
         let mut fft = Fft2::new(ROWS, COLS);
         let (y, m) = (label(ROWS, COLS, 0.8), mask(ROWS, COLS, 4.0, 4.0));
-        let mut filter = MaskedFilter::new(SETTINGS, &mut fft, CHANNELS, &y, &m);
-        let first = sample(&mut fft, &maps(0));
-        filter.remember(&first, 0.3);
-        for seed in 1..9 {
-            let s = sample(&mut fft, &maps(seed));
-            filter.remember(&s, 0.3);
-            assert!((filter.weights.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+        for looks in [1, 2] {
+            let mut filter = MaskedFilter::new(Settings { looks, ..SETTINGS }, &mut fft, CHANNELS, &y, &m);
+            for seed in 0..9 {
+                let s = sample(&mut fft, &maps(seed));
+                filter.remember(&s, 0.3);
+                assert!((filter.weights.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+            }
+            assert_eq!(filter.remembered(), 3);
+            for look in 0..looks {
+                let spectra = sample(&mut fft, &maps(look)).spectra;
+                let packed: Vec<Pack> = packs(&spectra, fft.bins()).collect();
+                assert_eq!(filter.samples[look * packed.len()..][..packed.len()], packed[..]);
+            }
+            assert!(filter.weights[0] > 0.15);
         }
-        assert_eq!(filter.remembered(), 3);
-        let packed: Vec<Pack> = packs(&first.spectra, fft.bins()).collect();
-        assert_eq!(filter.samples[..packed.len()], packed[..]);
-        assert!(filter.weights[0] > 0.15);
     }
 }

@@ -135,7 +135,7 @@ group! {
         learning_rate: f64 = 0.03, in 0.0..=1.0; "Weight of a new sample (eta of eq 8)."
         interval: i64 = 2, in 1..=100, unit "frames"; "Frames from one update to the next."
         mask: f64 = 1.2, in 0.5..=4.0, unit "target sizes"; "Side of the area that a masked filter is confined to."
-        memory: i64 = 20, in 2..=100; "Samples that a masked filter remembers."
+        memory: i64 = 20, in 2..=100; "Samples that a masked filter remembers, those of the first frame among them; there is room for one more than those at least."
         first_weight: f64 = 0.1, in 0.0..=1.0; "Weight that the first sample of a masked filter never falls below."
         steps: i64 = 3, in 1..=100; "Conjugate-gradient steps of an update of a masked filter."
         recrop: bool = false; "Cuts the sample to learn anew around the position found, as the paper does, instead of shifting the one that was searched."
@@ -221,6 +221,15 @@ group! {
 }
 
 group! {
+    /// Further looks at the target in the first frame.
+    pub struct LcmhtAugment at "lcmht.augment." {
+        enabled: bool = true; "Trains a masked filter on altered looks at the target in the first frame as well, which weigh as much as the true one."
+        blur: f64 = 0.07, in 0.0..=1.0, unit "target sizes"; "How far a blurred look is blurred to either side, once across and once down; 0 leaves these looks out."
+        scale: f64 = 1.1, in 1.0..=2.0; "How much larger, and smaller, than it is the target looks; 1 leaves these looks out."
+    }
+}
+
+group! {
     /// What looks like the target and is not.
     pub struct LcmhtNeighbours at "lcmht.neighbours." {
         enabled: bool = true; "Follows what looks like the target as well, so that a peak which it explains is not taken for the target."
@@ -238,6 +247,8 @@ groups! {
         cnn: LcmhtCnn,
         /// The correlation filter.
         filter: LcmhtFilter,
+        /// Further looks at the target in the first frame.
+        augment: LcmhtAugment,
         /// The scale filter.
         scale: LcmhtScale,
         /// What is made of a response.

@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
+use super::augment::{self, Look};
 use crate::crop::Cropper;
 use crate::dcf::fft::Fft2;
 use crate::dcf::kernelised::{self, KernelisedFilter};
@@ -15,7 +16,7 @@ use crate::features::cnn::{self, Cnn, SharedCnn};
 use crate::features::layers::{Extractor, Feature, LayerSpec, Source};
 use crate::frame::Frame;
 use crate::geometry::Rect;
-use crate::params::{FilterKind, LcmhtCnn, LcmhtFilter, LcmhtLayers, LcmhtParams, WindowShape};
+use crate::params::{FilterKind, LcmhtAugment, LcmhtCnn, LcmhtFilter, LcmhtLayers, LcmhtParams, WindowShape};
 use crate::trace::{ResponseMap, Trace};
 
 /// Conjugate-gradient steps on the first sample of a masked filter.
@@ -67,6 +68,7 @@ impl Appearance {
         rect: &Rect,
     ) -> (Self, f64) {
         let settings = &params.filter;
+        let looks = augment::looks(&params.augment, rect);
         let window = search_window(settings, rect.centre(), rect.size());
         let (rows, cols) = grid(settings, &window);
         let mut fft = Fft2::new(rows, cols);
@@ -77,7 +79,7 @@ impl Appearance {
         let filter = match settings.kind {
             FilterKind::Masked => {
                 let mask = mask(rows, cols, settings.mask * target[0], settings.mask * target[1]);
-                let settings = masked_settings(settings);
+                let settings = masked_settings(settings, 1 + looks.len());
                 let filter = MaskedFilter::new(settings, &mut fft, extractor.channels(), &label, &mask);
                 Filter::Masked(Box::new(filter))
             }
@@ -102,7 +104,7 @@ impl Appearance {
             shown: Vec::with_capacity(rows * cols),
         };
         appearance.see(frame, cropper, rect.centre(), rect.size());
-        appearance.train(1.0, FIRST_STEPS);
+        appearance.train_first(&looks, frame, cropper, rect);
         appearance.respond();
         let response = f64::from(highest(&appearance.response, rows, cols, false).value);
         (appearance, response)
@@ -187,6 +189,23 @@ impl Appearance {
         }
     }
 
+    /// Learns the sample of the first frame, and those of altered looks at it.
+    fn train_first(&mut self, looks: &[Look], frame: &Frame, cropper: &mut Cropper, rect: &Rect) {
+        let Filter::Masked(filter) = &mut self.filter else {
+            return self.train(1.0, FIRST_STEPS);
+        };
+        filter.remember(&self.sample, 1.0);
+        let mut sample = Sample::default();
+        for (i, look) in looks.iter().enumerate() {
+            let window = search_window(&self.settings, rect.centre(), rect.size().map(|side| side / look.scale));
+            cropper.blurred(look.blur, |cropper| {
+                self.extractor.extract(frame, &window, cropper, &mut self.fft, &mut sample);
+            });
+            filter.remember(&sample, augment::rate(i, looks.len()));
+        }
+        filter.train(&mut self.fft, FIRST_STEPS);
+    }
+
     fn train(&mut self, learning_rate: f32, steps: usize) {
         match &mut self.filter {
             Filter::Masked(filter) => filter.learn(&mut self.fft, &self.sample, learning_rate, steps),
@@ -212,15 +231,20 @@ pub(in crate::tracker) fn network(
 
 /// Whether a change of parameters needs a new filter: all but the rates do.
 pub(in crate::tracker) fn reshapes(old: &LcmhtParams, new: &LcmhtParams) -> bool {
-    let shape = |f: &LcmhtFilter| LcmhtFilter {
+    shape(old) != shape(new)
+}
+
+/// The parameters without what may change under a filter.
+fn shape(params: &LcmhtParams) -> (LcmhtFilter, &LcmhtAugment, &LcmhtLayers, &LcmhtCnn) {
+    let rates = LcmhtFilter {
         learning_rate: 0.0,
         interval: 1,
         steps: 1,
         subcell: false,
         recrop: false,
-        ..f.clone()
+        ..params.filter.clone()
     };
-    (shape(&old.filter), &old.layers, &old.cnn) != (shape(&new.filter), &new.layers, &new.cnn)
+    (rates, &params.augment, &params.layers, &params.cnn)
 }
 
 fn search_window(settings: &LcmhtFilter, centre: [f64; 2], size: [f64; 2]) -> Rect {
@@ -270,10 +294,51 @@ fn specs(layers: &LcmhtLayers, cnn: &LcmhtCnn) -> (Vec<LayerSpec>, Vec<f32>) {
 /// Eleven probabilities sum to one: ten components hold them all.
 const COLOUR_COMPONENTS: usize = 10;
 
-fn masked_settings(settings: &LcmhtFilter) -> masked::Settings {
+fn masked_settings(settings: &LcmhtFilter, looks: usize) -> masked::Settings {
     masked::Settings {
-        memory: settings.memory as usize,
+        looks,
+        memory: (settings.memory as usize).max(looks + 1),
         first_weight: settings.first_weight as f32,
         regularisation: settings.regularisation as f32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Encoding;
+    use crate::params::{LcmhtAugment, Params};
+
+    const WIDTH: usize = 200;
+    const HEIGHT: usize = 160;
+    const TARGET: Rect = Rect::new(80.0, 50.0, 30.0, 50.0);
+
+    /// Texture, each pixel of it a mean over so many across.
+    fn scene(blur: usize) -> Vec<u8> {
+        let texture = |x: usize, y: usize| (x / 5 * 7919 + y / 4 * 104_729 + x / 5 * (y / 4) * 31) % 251;
+        let mean = |x: usize, y: usize| (0..blur).map(|i| texture(x + i, y)).sum::<usize>() / blur;
+        (0..WIDTH * HEIGHT).map(|i| mean(i % WIDTH, i / WIDTH) as u8).collect()
+    }
+
+    /// The highest response to a scene that is blurred or not, relative to that of the first frame.
+    fn answer(augment: LcmhtAugment, blur: usize) -> f64 {
+        let mut params = Params::default().lcmht;
+        params.cnn.enabled = false;
+        params.augment = augment;
+        let [first, then] = [scene(1), scene(blur)];
+        let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
+        let mut cropper = Cropper::default();
+        let (mut appearance, trained) = Appearance::new(&params, None, &frame(&first), &mut cropper, &TARGET);
+        appearance.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size());
+        appearance.highest().response / trained
+    }
+
+    #[test]
+    fn a_filter_that_learned_altered_looks_answers_better_to_a_blurred_target() {
+        let augment = Params::default().lcmht.augment;
+        let plain = LcmhtAugment { enabled: false, ..augment.clone() };
+        assert!((answer(plain.clone(), 1) - 1.0).abs() < 1e-6 && (answer(augment.clone(), 1) - 1.0).abs() < 1e-6);
+        let [without, with] = [answer(plain, 7), answer(augment, 7)];
+        assert!(with > 1.1 * without, "{with} {without}");
     }
 }
