@@ -220,7 +220,7 @@ impl Followed {
         let mut answer = self.localise(expected);
         let colour = frame.encoding().is_colour();
         if colour != std::mem::replace(&mut self.colour, colour) {
-            // Without colour the filter answers otherwise, however well it is the target.
+            // Without colour the filter answers less to the same target.
             self.confidence.rebase(answer.response);
         }
         self.judged = answer.response * self.opinion(&answer, frame, cropper);
