@@ -11,8 +11,8 @@ const RESTARTS: usize = 10;
 /// After how many of them the node's memory has settled: the first few targets fill the allocator's arenas, after which
 /// even forty more peers add no more than 3 MB.
 const SETTLED: usize = 3;
-/// What the node may grow by from then on in kB: the library serves dead peers for as long as their leases run, and then keeps some
-/// 65 kB of what it knew of each, in case it comes back.
+/// What the node may grow by from then on in kB: the library serves dead peers for as long as their leases run, and then
+/// keeps some 65 kB of what it knew of each, in case it comes back.
 const MOST_GROWTH: usize = 8 << 10;
 
 #[test]

@@ -221,7 +221,7 @@ group! {
 }
 
 group! {
-    /// Further looks at the target in the first frame.
+    /// Altered looks at the target in the first frame.
     pub struct LcmhtAugment at "lcmht.augment." {
         enabled: bool = true; "Trains a masked filter on altered looks at the target in the first frame as well, which weigh as much as the true one."
         blur: f64 = 0.07, in 0.0..=1.0, unit "target sizes"; "How far a blurred look is blurred to either side, once across and once down; 0 leaves these looks out."
@@ -247,7 +247,7 @@ groups! {
         cnn: LcmhtCnn,
         /// The correlation filter.
         filter: LcmhtFilter,
-        /// Further looks at the target in the first frame.
+        /// Altered looks at the target in the first frame.
         augment: LcmhtAugment,
         /// The scale filter.
         scale: LcmhtScale,

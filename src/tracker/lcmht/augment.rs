@@ -1,4 +1,4 @@
-//! Further looks at the target in the first frame, which the filter is trained on as well: data augmentation.
+//! Altered looks at the target in the first frame, which the filter is trained on as well: data augmentation.
 //!
 //! A single look teaches a filter what the target is down to its noise. Altered looks, blurred as by motion, nearer and
 //! farther, teach it what stays when the target moves and turns (in the manner of Bhat et al., *Unveiling the Power of
