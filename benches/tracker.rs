@@ -102,7 +102,7 @@ fn filter(c: &mut Criterion) {
         let y = label(cells, cells, 0.1 * (w * h).sqrt());
         let m = mask(cells, cells, 1.2 * w, 1.2 * h);
         let settings = Settings { looks: 5, memory: 20, first_weight: 0.1, regularisation: 0.05 };
-        let mut filter = MaskedFilter::new(settings, &mut fft, extractor.channels(), &y, &m);
+        let mut filter = MaskedFilter::new(settings, &mut fft, 0..extractor.channels(), &y, &m);
         for _ in 0..settings.memory {
             filter.learn(&mut fft, &sample, RATE, 1);
         }

@@ -1,8 +1,11 @@
 //! Cuts a window out of a frame and resamples it to a patch of fixed size.
 //!
 //! The resampling filter is a triangle, as wide as a pixel of the coarser of the two grids, so that enlarging
-//! interpolates linearly and shrinking averages. It may be wider, and the patch is blurred then. Beyond the image the border
-//! pixels go on.
+//! interpolates linearly and shrinking averages. Beyond the image the border pixels go on. A patch may be altered as well:
+//! blurred by a wider triangle, mirrored, turned.
+
+use image::GrayImage;
+use imageproc::geometric_transformations::{Border, Interpolation, rotate};
 
 use crate::frame::{Frame, Plane};
 use crate::geometry::Rect;
@@ -36,6 +39,24 @@ impl Patch {
     /// The planes, to be filled.
     pub(crate) fn planes_mut(&mut self) -> &mut [Vec<u8>] {
         &mut self.planes
+    }
+
+    /// Swaps left and right.
+    fn mirror(&mut self) {
+        for plane in &mut self.planes {
+            plane.chunks_exact_mut(self.width).for_each(<[u8]>::reverse);
+        }
+    }
+
+    /// Turns it about its middle, `degrees` clockwise. The border pixels go on.
+    fn turn(&mut self, degrees: f64) {
+        let middle = [self.width, self.height].map(|side| (side as f32 - 1.0) / 2.0);
+        for plane in &mut self.planes {
+            let image = GrayImage::from_raw(self.width as u32, self.height as u32, std::mem::take(plane))
+                .expect("a plane has a value a pixel");
+            let angle = degrees.to_radians() as f32;
+            *plane = rotate(&image, middle.into(), angle, Interpolation::Bilinear, Border::Replicate).into_raw();
+        }
     }
 
     /// Gives it a size and so many planes; what they hold is not defined.
@@ -121,13 +142,23 @@ impl Axis {
     }
 }
 
+/// What is done to patches beside resampling.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Alteration {
+    /// Blurs by a triangle that reaches so many pixels of the frame to either side, across and down.
+    pub blur: [f64; 2],
+    /// Swaps left and right.
+    pub mirrored: bool,
+    /// Turns about the middle of the patch, in degrees clockwise.
+    pub turn: f64,
+}
+
 /// The scratch of cropping, reused from frame to frame.
 #[derive(Debug, Default)]
 pub struct Cropper {
     columns: Axis,
     rows: Axis,
-    /// How far the resampling filter reaches at least, across and down, in pixels of the frame.
-    blur: [f64; 2],
+    alteration: Alteration,
     /// One input row as floats, a plane.
     line: Vec<f32>,
     /// Input rows resampled in x: `rows x width`, a plane.
@@ -145,6 +176,7 @@ impl Cropper {
         for (out, plane) in patch.planes.iter_mut().zip(Plane::COLOURS) {
             self.resample(frame, plane, out);
         }
+        self.finish(patch);
     }
 
     /// Fills `patch` likewise with a single plane, the luma: a third of the work where colour does not matter.
@@ -152,21 +184,32 @@ impl Cropper {
         patch.resize(width, height, 1);
         self.plan(frame, window, width, height);
         self.resample(frame, Plane::Luma, &mut patch.planes[0]);
+        self.finish(patch);
     }
 
-    /// What `work` crops is blurred by a triangle that reaches `blur` pixels of the frame to either side, across and down.
-    pub fn blurred<T>(&mut self, blur: [f64; 2], work: impl FnOnce(&mut Self) -> T) -> T {
-        self.blur = blur;
+    /// What `work` crops is altered.
+    pub fn altered<T>(&mut self, alteration: Alteration, work: impl FnOnce(&mut Self) -> T) -> T {
+        self.alteration = alteration;
         let done = work(self);
-        self.blur = [0.0; 2];
+        self.alteration = Alteration::default();
         done
+    }
+
+    fn finish(&self, patch: &mut Patch) {
+        if self.alteration.mirrored {
+            patch.mirror();
+        }
+        if self.alteration.turn != 0.0 {
+            patch.turn(self.alteration.turn);
+        }
     }
 
     fn plan(&mut self, frame: &Frame, window: &Rect, width: usize, height: usize) {
         let [columns, rows] = frame.grid();
         let across = f64::from(columns) / f64::from(frame.width());
         let down = f64::from(rows) / f64::from(frame.height());
-        let blur = [self.blur[0] * across, self.blur[1] * down];
+        let [x, y] = self.alteration.blur;
+        let blur = [x * across, y * down];
         self.columns.plan(window.x * across, window.w * across, width, columns as usize, blur[0]);
         self.rows.plan(window.y * down, window.h * down, height, rows as usize, blur[1]);
     }
@@ -240,6 +283,30 @@ mod tests {
         assert_eq!(twice, crop(&frame, Rect::new(4.0, 3.0, 10.0, 8.0), 10, 8));
     }
 
+    #[test]
+    fn a_patch_is_mirrored_or_turned_about_its_middle() {
+        let data: Vec<u8> = (0..7 * 5).map(|i| (i * i % 251) as u8).collect();
+        let frame = Frame::new(&data, 7, 5, 7, Encoding::Mono8, None).unwrap();
+        let square = Rect::new(1.0, 0.0, 5.0, 5.0);
+        let altered = |mirrored, turn| {
+            let mut patch = Patch::default();
+            let alteration = Alteration { mirrored, turn, ..Alteration::default() };
+            Cropper::default().altered(alteration, |cropper| cropper.crop(&frame, &square, 5, 5, &mut patch));
+            patch
+        };
+        let [plain, mirrored, quarter] = [altered(false, 0.0), altered(true, 0.0), altered(false, 90.0)];
+        assert_eq!(plain, crop(&frame, square, 5, 5));
+        for y in 0..5 {
+            for x in 0..5 {
+                assert_eq!(mirrored.rgb(x, y), plain.rgb(4 - x, y), "{x} {y}");
+                // Clockwise, the left side comes to the top.
+                let (got, wanted) = (quarter.rgb(x, y)[0], plain.rgb(y, 4 - x)[0]);
+                assert!(got.abs_diff(wanted) <= 1, "{x} {y}: {got} {wanted}");
+            }
+        }
+        assert_eq!(altered(false, 45.0).rgb(2, 2), plain.rgb(2, 2));
+    }
+
     /// The same by its definition, pixel by pixel in two dimensions.
     #[test]
     fn resampling_agrees_with_the_direct_sum() {
@@ -254,7 +321,8 @@ mod tests {
             (Rect::new(10.0, -6.0, 20.0, 30.0), 20, 5, [1.5, 9.2]),
         ] {
             let mut patch = Patch::default();
-            Cropper::default().blurred(blur, |cropper| cropper.crop(&frame, &window, pw, ph, &mut patch));
+            let alteration = Alteration { blur, ..Alteration::default() };
+            Cropper::default().altered(alteration, |cropper| cropper.crop(&frame, &window, pw, ph, &mut patch));
             let (sx, sy) = (window.w / pw as f64, window.h / ph as f64);
             let kernel = |d: f64, r: f64| (1.0 - d.abs() / r).max(0.0);
             for y in 0..ph {

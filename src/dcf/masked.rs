@@ -12,6 +12,8 @@
 //! in it (in the manner of Danelljan et al., *ECO*, CVPR 2017). Solved by conjugate gradients on the normal
 //! equations, warm-started from the present filter: a step costs two FFTs a channel and no inversion.
 
+use std::ops::Range;
+
 use multiversion::multiversion;
 use rustfft::num_complex::Complex32;
 
@@ -34,7 +36,8 @@ pub struct Settings {
 /// The filter and the samples it was trained on.
 pub struct MaskedFilter {
     settings: Settings,
-    channels: usize,
+    /// The channels of samples that it works on.
+    channels: Range<usize>,
     /// Spectra of the remembered samples, `memory x channels x bins`, packed; those of the first frame come first.
     samples: Vec<Pack>,
     /// Weight of each remembered sample; they sum to 1.
@@ -114,33 +117,39 @@ fn unpack(packs: &[Pack], bins: usize, spectra: &mut [Complex32]) {
 }
 
 impl MaskedFilter {
-    /// An untrained filter. `label` and `mask` are maps of the shape of `fft`.
-    pub fn new(settings: Settings, fft: &mut Fft2, channels: usize, label: &[f32], mask: &[f32]) -> Self {
+    /// An untrained filter on these channels of samples. `label` and `mask` are maps of the shape of `fft`.
+    pub fn new(settings: Settings, fft: &mut Fft2, channels: Range<usize>, label: &[f32], mask: &[f32]) -> Self {
         let mut spectrum = vec![Complex32::default(); fft.bins()];
         fft.forward(label, &mut spectrum);
         let support: Vec<u32> = (0..mask.len() as u32).filter(|&i| mask[i as usize] > 0.0).collect();
-        let unknowns = channels * support.len();
-        let size = channels * fft.bins().div_ceil(LANES);
+        let unknowns = channels.len() * support.len();
+        let size = channels.len() * fft.bins().div_ceil(LANES);
         Self {
             settings,
-            channels,
+            filter: vec![Complex32::default(); channels.len() * fft.bins()],
             samples: Vec::with_capacity(settings.memory * size),
             weights: Vec::with_capacity(settings.memory),
             label: packs(&spectrum, fft.bins()).collect(),
             coefficients: vec![0.0; unknowns],
-            filter: vec![Complex32::default(); channels * fft.bins()],
             solver: Solver {
                 residual: vec![0.0; unknowns],
                 direction: vec![0.0; unknowns],
                 image: vec![0.0; unknowns],
                 map: vec![0.0; fft.cells()],
-                spectra: vec![Complex32::default(); channels * fft.bins()],
+                spectra: vec![Complex32::default(); channels.len() * fft.bins()],
                 sums: vec![Complex32::default(); fft.bins()],
                 packed_filter: vec![Pack::default(); size],
                 product: vec![Pack::default(); size],
             },
             support,
+            channels,
         }
+    }
+
+    /// What a sample has in the channels of this filter.
+    fn own<'a>(&self, sample: &'a Sample) -> &'a [Complex32] {
+        let bins = self.solver.sums.len();
+        &sample.spectra[self.channels.start * bins..self.channels.end * bins]
     }
 
     /// Samples in the memory.
@@ -152,7 +161,7 @@ impl MaskedFilter {
     /// is full, the lightest sample that is not of the first frame gives way.
     pub fn remember(&mut self, sample: &Sample, learning_rate: f32) {
         let size = self.solver.product.len();
-        let packed = packs(&sample.spectra, self.solver.sums.len());
+        let packed = packs(self.own(sample), self.solver.sums.len());
         if self.weights.is_empty() {
             self.weights.push(1.0);
             self.samples.extend(packed);
@@ -219,7 +228,7 @@ impl MaskedFilter {
 
     /// The response map to a sample: 1 at the peak for what the filter was trained to answer.
     pub fn respond(&mut self, fft: &mut Fft2, sample: &Sample, response: &mut [f32]) {
-        correlate(&self.filter, &sample.spectra, &mut self.solver.sums);
+        correlate(&self.filter, self.own(sample), &mut self.solver.sums);
         fft.inverse(&self.solver.sums, response);
     }
 
@@ -227,7 +236,7 @@ impl MaskedFilter {
     fn energy(&self, fft: &Fft2) -> f32 {
         let first = &self.samples[..self.solver.product.len()];
         let sum: f32 = first.iter().flat_map(|pack| pack.re.iter().chain(&pack.im)).map(|v| v * v).sum();
-        sum / (self.channels * fft.cells()) as f32
+        sum / (self.channels.len() * fft.cells()) as f32
     }
 
     /// b = sum_k a_k x_k * y on the support, into the residual.
@@ -373,7 +382,7 @@ mod tests {
     fn training_agrees_with_the_dense_least_squares_solution() {
         let mut fft = Fft2::new(ROWS, COLS);
         let (y, m) = (label(ROWS, COLS, 0.8), mask(ROWS, COLS, 4.0, 2.0));
-        let mut filter = MaskedFilter::new(SETTINGS, &mut fft, CHANNELS, &y, &m);
+        let mut filter = MaskedFilter::new(SETTINGS, &mut fft, 0..CHANNELS, &y, &m);
         let all: Vec<Vec<f32>> = (0..3).map(maps).collect();
         for maps in &all {
             let s = sample(&mut fft, maps);
@@ -417,7 +426,7 @@ mod tests {
     fn the_response_follows_a_shifted_target() {
         let mut fft = Fft2::new(ROWS, COLS);
         let (y, m) = (label(ROWS, COLS, 0.8), mask(ROWS, COLS, 4.0, 4.0));
-        let mut filter = MaskedFilter::new(SETTINGS, &mut fft, CHANNELS, &y, &m);
+        let mut filter = MaskedFilter::new(SETTINGS, &mut fft, 0..CHANNELS, &y, &m);
         let mut s = sample(&mut fft, &maps(1));
         filter.learn(&mut fft, &s, 1.0, 50);
         s.shift(&fft, [2.0, -1.0]);
@@ -429,11 +438,27 @@ mod tests {
     }
 
     #[test]
+    fn a_filter_on_some_channels_knows_nothing_of_the_others() {
+        let mut fft = Fft2::new(ROWS, COLS);
+        let (y, m) = (label(ROWS, COLS, 0.8), mask(ROWS, COLS, 4.0, 4.0));
+        let whole = sample(&mut fft, &maps(1));
+        let second = Sample::new(std::iter::once(0..1).collect(), whole.spectra[fft.bins()..].to_vec());
+        let response = |fft: &mut Fft2, channels, sample: &Sample| {
+            let mut filter = MaskedFilter::new(SETTINGS, fft, channels, &y, &m);
+            filter.learn(fft, sample, 1.0, 20);
+            let mut response = vec![0.0; ROWS * COLS];
+            filter.respond(fft, sample, &mut response);
+            response
+        };
+        assert_eq!(response(&mut fft, 1..2, &whole), response(&mut fft, 0..1, &second));
+    }
+
+    #[test]
     fn a_full_memory_drops_the_lightest_sample_and_keeps_those_of_the_first_frame() {
         let mut fft = Fft2::new(ROWS, COLS);
         let (y, m) = (label(ROWS, COLS, 0.8), mask(ROWS, COLS, 4.0, 4.0));
         for looks in [1, 2] {
-            let mut filter = MaskedFilter::new(Settings { looks, ..SETTINGS }, &mut fft, CHANNELS, &y, &m);
+            let mut filter = MaskedFilter::new(Settings { looks, ..SETTINGS }, &mut fft, 0..CHANNELS, &y, &m);
             for seed in 0..9 {
                 let s = sample(&mut fft, &maps(seed));
                 filter.remember(&s, 0.3);

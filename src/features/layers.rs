@@ -1,6 +1,8 @@
 //! From a frame and a search window to the spectra of the layers that correlation filters work on:
 //! crop, features, projection, window, FFT.
 
+use std::ops::Range;
+
 use rustfft::num_complex::Complex32;
 
 use super::cnn::{SharedCnn, locked};
@@ -124,6 +126,15 @@ impl Extractor {
     /// Channels of all layers together.
     pub fn channels(&self) -> usize {
         self.layers.iter().map(|layer| layer.channels).sum()
+    }
+
+    /// The layers, and the channels that each takes.
+    pub fn layers(&self) -> impl Iterator<Item = (&LayerSpec, Range<usize>)> {
+        self.layers.iter().scan(0, |first, layer| {
+            let channels = *first..*first + layer.channels;
+            *first = channels.end;
+            Some((&layer.spec, channels))
+        })
     }
 
     /// Fills `sample` with the spectra of what `window` shows.

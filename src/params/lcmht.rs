@@ -82,6 +82,8 @@ group! {
         outputs: Vec<String> = ["block4", "block10"].map(String::from); "Outputs of the network that become a layer each."
         weights: Vec<f64> = [0.1, 0.2]; "Energy of each of these layers; with a joint hand-crafted layer, the weight of its response (gamma of eq 6)."
         components: Vec<i64> = [8, 32]; "Principal components of each of these layers that are kept; 0 keeps all channels as they are."
+        separate: bool = true; "Trains a masked filter on these layers alone, whose response is added to that of the hand-crafted ones; otherwise one filter is trained on all layers."
+        share: f64 = 0.2, in 0.0..=1.0; "Share of that filter's response."
         inference: Inference = Inference::Auto; "What runs the network."
         library: String = ""; "ONNX Runtime's shared library; empty takes what ORT_DYLIB_PATH names, otherwise the system's."
         threads: i64 = 1, in 1..=64; "Threads that run the network."
@@ -226,6 +228,8 @@ group! {
         enabled: bool = true; "Trains a masked filter on altered looks at the target in the first frame as well, which weigh as much as the true one."
         blur: f64 = 0.07, in 0.0..=1.0, unit "target sizes"; "How far a blurred look is blurred to either side, once across and once down; 0 leaves these looks out."
         scale: f64 = 1.1, in 1.0..=2.0; "How much larger, and smaller, than it is the target looks; 1 leaves these looks out."
+        mirror: bool = true; "A separate filter of the network's layers learns the mirrored target as well."
+        turn: f64 = 20.0, in 0.0..=180.0, unit "deg"; "How far the target is turned, by the whole of it and by half of it to either side, in looks that a separate filter of the network's layers learns as well; 0 leaves these looks out."
     }
 }
 

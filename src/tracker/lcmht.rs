@@ -11,8 +11,9 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `lcmht/appearance.rs` | the layers and the correlation filter (eqs 1 to 9) |
-//! | `lcmht/augment.rs` | altered looks at the first frame's target, which the filter learns as well |
+//! | `lcmht/appearance.rs` | the layers, and the response of the filters to them (eqs 1 to 9) |
+//! | `lcmht/filters.rs` | the correlation filters that answer together |
+//! | `lcmht/augment.rs` | altered looks at the first frame's target, which the filters learn as well |
 //! | `lcmht/motion.rs` | the motion model and the GM-PHD filter (eqs 17 to 24) |
 //! | `lcmht/neighbours.rs` | what looks like the target, so that it is not taken for it |
 //! | `lcmht/confidence.rs` | the states, from the response |
@@ -21,6 +22,7 @@
 pub(super) mod appearance;
 mod augment;
 pub(super) mod confidence;
+mod filters;
 mod motion;
 mod neighbours;
 

@@ -2,25 +2,20 @@
 
 use std::sync::{Arc, Mutex};
 
-use super::augment::{self, Look};
+use super::filters::Filters;
 use crate::crop::Cropper;
 use crate::dcf::fft::Fft2;
-use crate::dcf::kernelised::{self, KernelisedFilter};
-use crate::dcf::masked::{self, MaskedFilter};
 use crate::dcf::response::{Peak, centred, highest, local_maxima};
 use crate::dcf::sample::Sample;
-use crate::dcf::window::{label, mask};
 use crate::error::NetworkError;
 use crate::features::CELL;
 use crate::features::cnn::{self, Cnn, SharedCnn};
 use crate::features::layers::{Extractor, Feature, LayerSpec, Source};
 use crate::frame::Frame;
 use crate::geometry::Rect;
-use crate::params::{FilterKind, LcmhtAugment, LcmhtCnn, LcmhtFilter, LcmhtLayers, LcmhtParams, WindowShape};
+use crate::params::{LcmhtAugment, LcmhtCnn, LcmhtFilter, LcmhtLayers, LcmhtParams, WindowShape};
 use crate::trace::{ResponseMap, Trace};
 
-/// Conjugate-gradient steps on the first sample of a masked filter.
-const FIRST_STEPS: usize = 30;
 /// Local maxima of a response map that are weighed against the motion model.
 const PEAKS: usize = 8;
 /// Cells along a side of the search window, at least: fewer have no room for a label.
@@ -33,7 +28,7 @@ pub(in crate::tracker) struct Appearance {
     cols: usize,
     fft: Fft2,
     extractor: Extractor,
-    filter: Filter,
+    filters: Filters,
     /// What the search window showed, and the response to it (wrapped).
     sample: Sample,
     window: Rect,
@@ -41,11 +36,6 @@ pub(in crate::tracker) struct Appearance {
     peaks: Vec<Peak>,
     answers: Vec<Answer>,
     shown: Vec<f32>,
-}
-
-enum Filter {
-    Masked(Box<MaskedFilter>),
-    Kernelised(KernelisedFilter),
 }
 
 /// A place that the filter answers to.
@@ -68,34 +58,20 @@ impl Appearance {
         rect: &Rect,
     ) -> (Self, f64) {
         let settings = &params.filter;
-        let looks = augment::looks(&params.augment, rect);
         let window = search_window(settings, rect.centre(), rect.size());
         let (rows, cols) = grid(settings, &window);
         let mut fft = Fft2::new(rows, cols);
         let (specs, weights) = specs(&params.layers, &params.cnn);
         let extractor = Extractor::fit(&specs, cnn, rows, cols, frame, &window, cropper);
-        let target = [rect.w * cols as f64 / window.w, rect.h * rows as f64 / window.h];
-        let label = label(rows, cols, settings.label_sigma * (target[0] * target[1]).sqrt());
-        let filter = match settings.kind {
-            FilterKind::Masked => {
-                let mask = mask(rows, cols, settings.mask * target[0], settings.mask * target[1]);
-                let settings = masked_settings(settings, 1 + looks.len());
-                let filter = MaskedFilter::new(settings, &mut fft, extractor.channels(), &label, &mask);
-                Filter::Masked(Box::new(filter))
-            }
-            FilterKind::Kernelised => {
-                let settings =
-                    kernelised::Settings { regularisation: settings.regularisation as f32, layer_weights: weights };
-                Filter::Kernelised(KernelisedFilter::new(settings, &mut fft, &label))
-            }
-        };
+        let cells = [rect.w * cols as f64 / window.w, rect.h * rows as f64 / window.h];
+        let filters = Filters::new(params, &extractor, weights, &mut fft, rect, cells);
         let mut appearance = Self {
             settings: settings.clone(),
             rows,
             cols,
             fft,
             extractor,
-            filter,
+            filters,
             sample: Sample::default(),
             window,
             response: vec![0.0; rows * cols],
@@ -104,7 +80,7 @@ impl Appearance {
             shown: Vec::with_capacity(rows * cols),
         };
         appearance.see(frame, cropper, rect.centre(), rect.size());
-        appearance.train_first(&looks, frame, cropper, rect);
+        appearance.learn_first(frame, cropper, rect);
         appearance.respond();
         let response = f64::from(highest(&appearance.response, rows, cols, false).value);
         (appearance, response)
@@ -167,7 +143,7 @@ impl Appearance {
             ];
             self.sample.shift(&self.fft, by);
         }
-        self.train(self.settings.learning_rate as f32, self.settings.steps as usize);
+        self.filters.learn(&mut self.fft, &self.sample, &self.settings);
     }
 
     /// Shows the response map of the last look.
@@ -183,34 +159,16 @@ impl Appearance {
     }
 
     fn respond(&mut self) {
-        match &mut self.filter {
-            Filter::Masked(filter) => filter.respond(&mut self.fft, &self.sample, &mut self.response),
-            Filter::Kernelised(filter) => filter.respond(&mut self.fft, &self.sample, &mut self.response),
-        }
+        self.filters.respond(&mut self.fft, &self.sample, &mut self.response);
     }
 
     /// Learns the sample of the first frame, and those of altered looks at it.
-    fn train_first(&mut self, looks: &[Look], frame: &Frame, cropper: &mut Cropper, rect: &Rect) {
-        let Filter::Masked(filter) = &mut self.filter else {
-            return self.train(1.0, FIRST_STEPS);
-        };
-        filter.remember(&self.sample, 1.0);
-        let mut sample = Sample::default();
-        for (i, look) in looks.iter().enumerate() {
-            let window = search_window(&self.settings, rect.centre(), rect.size().map(|side| side / look.scale));
-            cropper.blurred(look.blur, |cropper| {
-                self.extractor.extract(frame, &window, cropper, &mut self.fft, &mut sample);
-            });
-            filter.remember(&sample, augment::rate(i, looks.len()));
-        }
-        filter.train(&mut self.fft, FIRST_STEPS);
-    }
-
-    fn train(&mut self, learning_rate: f32, steps: usize) {
-        match &mut self.filter {
-            Filter::Masked(filter) => filter.learn(&mut self.fft, &self.sample, learning_rate, steps),
-            Filter::Kernelised(filter) => filter.learn(&self.fft, &self.sample, learning_rate),
-        }
+    fn learn_first(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect) {
+        let Self { settings, fft, extractor, filters, sample, .. } = self;
+        filters.learn_first(fft, sample, |look, fft, sample| {
+            let window = search_window(settings, rect.centre(), rect.size().map(|side| side / look.scale));
+            cropper.altered(look.alteration, |cropper| extractor.extract(frame, &window, cropper, fft, sample));
+        });
     }
 }
 
@@ -294,15 +252,6 @@ fn specs(layers: &LcmhtLayers, cnn: &LcmhtCnn) -> (Vec<LayerSpec>, Vec<f32>) {
 /// Eleven probabilities sum to one: ten components hold them all.
 const COLOUR_COMPONENTS: usize = 10;
 
-fn masked_settings(settings: &LcmhtFilter, looks: usize) -> masked::Settings {
-    masked::Settings {
-        looks,
-        memory: (settings.memory as usize).max(looks + 1),
-        first_weight: settings.first_weight as f32,
-        regularisation: settings.regularisation as f32,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -340,5 +289,33 @@ mod tests {
         assert!((answer(plain.clone(), 1) - 1.0).abs() < 1e-6 && (answer(augment.clone(), 1) - 1.0).abs() < 1e-6);
         let [without, with] = [answer(plain, 7), answer(augment, 7)];
         assert!(with > 1.1 * without, "{with} {without}");
+    }
+
+    /// The response map of a filter trained on the first frame, to a scene that is a little blurred.
+    fn responses(change: impl Fn(&mut LcmhtParams)) -> Vec<f32> {
+        let mut params = Params::default().lcmht;
+        change(&mut params);
+        let [first, then] = [scene(1), scene(3)];
+        let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
+        let (mut cropper, cnn) = (Cropper::default(), network(&params, None).unwrap());
+        let (mut appearance, _) = Appearance::new(&params, cnn, &frame(&first), &mut cropper, &TARGET);
+        appearance.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size());
+        appearance.response
+    }
+
+    #[test]
+    fn a_separate_filter_of_the_network_has_its_share_of_the_response() {
+        let with_share = |share| responses(|params| params.cnn.share = share);
+        let [hand_crafted, network, both] = [0.0, 1.0, 0.3].map(with_share);
+        assert_eq!(hand_crafted, responses(|params| params.cnn.enabled = false));
+        let difference = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let sum: Vec<f32> = hand_crafted.iter().zip(&network).map(|(h, n)| 0.7 * h + 0.3 * n).collect();
+        assert!(difference(&both, &sum) < 1e-5);
+        assert!(difference(&hand_crafted, &network) > 0.01);
+        assert!(difference(&both, &responses(|params| params.cnn.separate = false)) > 0.01);
+        // Mirrored and turned looks are for the network alone.
+        let upright = |params: &mut LcmhtParams| (params.augment.mirror, params.augment.turn) = (false, 0.0);
+        assert_eq!(hand_crafted, responses(|params| (params.cnn.share, _) = (0.0, upright(params))));
+        assert!(difference(&network, &responses(|params| (params.cnn.share, _) = (1.0, upright(params)))) > 0.01);
     }
 }

@@ -1,0 +1,144 @@
+//! The correlation filters behind one response map: the paper's kernelised one, or masked ones, of which the network's
+//! layers may have one of their own.
+//!
+//! One filter on all layers comes to rely on those that fit the first frames best. Where the network's layers are learned
+//! apart, on stronger alterations of the target, and have their say by a fixed share, they still know it when gradients and
+//! colours have changed (in the manner of Bhat et al., *Unveiling the Power of Deep Tracking*, ECCV 2018, whose shares
+//! are chosen frame by frame; the paper adds the responses of its layers likewise, eq 6).
+
+use std::ops::Range;
+
+use super::augment::{self, Look};
+use crate::dcf::fft::Fft2;
+use crate::dcf::kernelised::{self, KernelisedFilter};
+use crate::dcf::masked::{self, MaskedFilter};
+use crate::dcf::sample::Sample;
+use crate::dcf::window::{label, mask};
+use crate::features::layers::{Extractor, Source};
+use crate::geometry::Rect;
+use crate::params::{FilterKind, LcmhtFilter, LcmhtParams};
+
+/// Conjugate-gradient steps on the first frame's samples of a masked filter.
+const FIRST_STEPS: usize = 30;
+
+/// What is learned of samples, and answers to them.
+pub(super) enum Filters {
+    Masked(Vec<Part>),
+    Kernelised(KernelisedFilter),
+}
+
+/// A masked filter on neighbouring layers.
+pub(super) struct Part {
+    filter: MaskedFilter,
+    /// The altered looks at the first frame's target that it learns.
+    looks: Vec<Look>,
+    /// Share of its response in that of all.
+    share: f32,
+    response: Vec<f32>,
+}
+
+impl Filters {
+    /// Untrained filters on the layers of `extractor`, whose responses `weights` weigh where the filter is the paper's.
+    /// `target` is that of the first frame in pixels, `cells` its width and height on the grid.
+    pub(super) fn new(
+        params: &LcmhtParams,
+        extractor: &Extractor,
+        weights: Vec<f32>,
+        fft: &mut Fft2,
+        target: &Rect,
+        cells: [f64; 2],
+    ) -> Self {
+        let settings = &params.filter;
+        let (rows, cols) = (fft.rows(), fft.cols());
+        let label = label(rows, cols, settings.label_sigma * (cells[0] * cells[1]).sqrt());
+        if settings.kind == FilterKind::Kernelised {
+            let settings =
+                kernelised::Settings { regularisation: settings.regularisation as f32, layer_weights: weights };
+            return Self::Kernelised(KernelisedFilter::new(settings, fft, &label));
+        }
+        let mask = mask(rows, cols, settings.mask * cells[0], settings.mask * cells[1]);
+        let parts = parts(params, extractor).into_iter().map(|(channels, share, strong)| {
+            let looks = augment::looks(&params.augment, target, strong);
+            let settings = masked_settings(settings, 1 + looks.len());
+            let filter = MaskedFilter::new(settings, fft, channels, &label, &mask);
+            Part { filter, looks, share, response: vec![0.0; rows * cols] }
+        });
+        Self::Masked(parts.collect())
+    }
+
+    /// Learns the first frame's sample, and those that `altered` makes of altered looks at it.
+    pub(super) fn learn_first(
+        &mut self,
+        fft: &mut Fft2,
+        sample: &Sample,
+        mut altered: impl FnMut(&Look, &mut Fft2, &mut Sample),
+    ) {
+        let parts = match self {
+            Self::Masked(parts) => parts,
+            Self::Kernelised(filter) => return filter.learn(fft, sample, 1.0),
+        };
+        for part in parts.iter_mut() {
+            part.filter.remember(sample, 1.0);
+        }
+        let mut other = Sample::default();
+        let most = parts.iter().map(|part| &part.looks).max_by_key(|looks| looks.len()).cloned();
+        for look in most.iter().flatten() {
+            altered(look, fft, &mut other);
+            for part in parts.iter_mut() {
+                if let Some(i) = part.looks.iter().position(|own| own == look) {
+                    part.filter.remember(&other, augment::rate(i, part.looks.len()));
+                }
+            }
+        }
+        for part in parts {
+            part.filter.train(fft, FIRST_STEPS);
+        }
+    }
+
+    /// Learns a later sample at the rates that the settings give.
+    pub(super) fn learn(&mut self, fft: &mut Fft2, sample: &Sample, settings: &LcmhtFilter) {
+        let rate = settings.learning_rate as f32;
+        match self {
+            Self::Masked(parts) => {
+                parts.iter_mut().for_each(|part| part.filter.learn(fft, sample, rate, settings.steps as usize));
+            }
+            Self::Kernelised(filter) => filter.learn(fft, sample, rate),
+        }
+    }
+
+    /// The response map to a sample (eqs 5 and 6).
+    pub(super) fn respond(&mut self, fft: &mut Fft2, sample: &Sample, response: &mut [f32]) {
+        match self {
+            Self::Masked(parts) => {
+                response.fill(0.0);
+                for part in parts {
+                    part.filter.respond(fft, sample, &mut part.response);
+                    response.iter_mut().zip(&part.response).for_each(|(sum, r)| *sum += part.share * r);
+                }
+            }
+            Self::Kernelised(filter) => filter.respond(fft, sample, response),
+        }
+    }
+}
+
+/// The channels that a masked filter each is for, the share of its response, and whether it learns strong alterations.
+fn parts(params: &LcmhtParams, extractor: &Extractor) -> Vec<(Range<usize>, f32, bool)> {
+    let all = extractor.channels();
+    let network = extractor.layers().find(|(spec, _)| matches!(spec.source, Source::Network(_)));
+    match network.map(|(_, channels)| channels.start) {
+        Some(first) if params.cnn.separate && first > 0 => {
+            let share = params.cnn.share as f32;
+            vec![(0..first, 1.0 - share, false), (first..all, share, true)]
+        }
+        _ => vec![(0..all, 1.0, false)],
+    }
+}
+
+fn masked_settings(settings: &LcmhtFilter, looks: usize) -> masked::Settings {
+    masked::Settings {
+        looks,
+        memory: (settings.memory as usize).max(looks + 1),
+        first_weight: settings.first_weight as f32,
+        regularisation: settings.regularisation as f32,
+    }
+}
