@@ -1,10 +1,10 @@
 //! The correlation filters behind one response map: the paper's kernelised one, or masked ones, of which the network's
 //! layers may have one of their own.
 //!
-//! One filter on all layers comes to rely on those that fit the first frames best. Where the network's layers are learned
-//! apart, on stronger alterations of the target, and have their say by a fixed share, they still know it when gradients and
-//! colours have changed (in the manner of Bhat et al., *Unveiling the Power of Deep Tracking*, ECCV 2018, whose shares
-//! are chosen frame by frame; the paper adds the responses of its layers likewise, eq 6).
+//! A network's features know a target that is mirrored or turned; gradients and colours lose it when they learn such looks.
+//! Apart from these, the network's layers can learn stronger alterations of the target, and have their say by a fixed share
+//! (in the manner of Bhat et al., *Unveiling the Power of Deep Tracking*, ECCV 2018, whose shares are chosen frame by
+//! frame; the paper adds the responses of its layers likewise, eq 6).
 
 use std::ops::Range;
 
