@@ -10,7 +10,7 @@ use long_term_tracker::crop::Cropper;
 use long_term_tracker::features::FeatureMap;
 use long_term_tracker::features::cnn::{Cnn, Settings};
 use long_term_tracker::params::{Inference, Phase, Value};
-use long_term_tracker::{Encoding, Frame, NetworkError, Params, Rect, Session};
+use long_term_tracker::{Encoding, Frame, NetworkError, Params, Rect, Session, tracker};
 use onnx::{Convolution, network};
 
 /// Rows and columns of the input.
@@ -241,6 +241,30 @@ fn the_network_can_be_switched_while_a_target_is_followed() {
             assert!(session.step(&frame, &mut ()).targets[0].rect.iou(&rect) > 0.8);
         }
     }
+}
+
+#[test]
+fn a_change_that_leaves_the_network_alone_does_not_load_it_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(&folder, "two.onnx", &network(&[1, 3, 0, 0], &two_layers()));
+    let with = |share: f64, outputs: [&str; 2]| {
+        params(&[
+            ("lcmht.cnn.inference", Value::String("builtin".into())),
+            ("lcmht.cnn.file", Value::String(path.to_str().unwrap().into())),
+            ("lcmht.cnn.outputs", Value::StringArray(outputs.map(String::from).to_vec())),
+            ("lcmht.cnn.components", Value::IntegerArray(vec![0, 3])),
+            ("lcmht.cnn.share", Value::Double(share)),
+        ])
+    };
+    let loaded = with(0.2, ["near", "far"]);
+    let mut session = Session::new(loaded.clone()).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let shared = with(0.5, ["near", "far"]);
+    tracker::check(&loaded, &shared).unwrap();
+    session.retune(shared).unwrap();
+    // What makes another network of it is tried.
+    let other = tracker::check(&loaded, &with(0.2, ["far", "near"]));
+    assert!(matches!(other, Err(NetworkError::Unreadable { .. })), "{other:?}");
 }
 
 /// The offline command ends with one line that names the file, and not with success.

@@ -40,7 +40,7 @@ use crate::geometry::Rect;
 use crate::learn::svm::SvmParams;
 use crate::params::{LcmhtParams, LcmhtSvm, Params};
 use crate::trace::{Proposal, Stage, Trace};
-use appearance::{Answer, Appearance, reshapes};
+use appearance::{Answer, Appearance, network_settings, reshapes};
 use confidence::Confidence;
 use motion::Motion;
 use neighbours::Neighbours;
@@ -100,9 +100,9 @@ impl Lcmht {
     }
 }
 
-/// Tries out the network that changed parameters name.
+/// Tries out the network that changed parameters ask for, if it is another than before.
 pub(super) fn check(old: &LcmhtParams, new: &LcmhtParams) -> Result<(), NetworkError> {
-    if old.cnn == new.cnn { Ok(()) } else { appearance::network(new, None).map(drop) }
+    if network_settings(old) == network_settings(new) { Ok(()) } else { appearance::network(new, None).map(drop) }
 }
 
 impl Tracker for Lcmht {

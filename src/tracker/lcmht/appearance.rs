@@ -177,14 +177,18 @@ pub(in crate::tracker) fn network(
     params: &LcmhtParams,
     loaded: Option<&SharedCnn>,
 ) -> Result<Option<SharedCnn>, NetworkError> {
-    if !params.cnn.enabled {
+    let Some(settings) = network_settings(params) else {
         return Ok(None);
-    }
-    let settings = cnn::Settings::new(&params.cnn);
+    };
     if let Some(loaded) = loaded.filter(|loaded| cnn::locked(loaded).settings() == &settings) {
         return Ok(Some(loaded.clone()));
     }
     Ok(Some(Arc::new(Mutex::new(Cnn::load(settings)?))))
+}
+
+/// What the network that the parameters ask for is loaded by.
+pub(in crate::tracker) fn network_settings(params: &LcmhtParams) -> Option<cnn::Settings> {
+    params.cnn.enabled.then(|| cnn::Settings::new(&params.cnn))
 }
 
 /// Whether a change of parameters needs a new filter: all but the rates do.
