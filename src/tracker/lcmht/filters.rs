@@ -2,9 +2,9 @@
 //! layers may have one of their own.
 //!
 //! A network's features know a target that is mirrored or turned; gradients and colours lose it when they learn such looks.
-//! Apart from these, the network's layers can learn stronger alterations of the target, and have their say by a fixed share
-//! (in the manner of Bhat et al., *Unveiling the Power of Deep Tracking*, ECCV 2018, whose shares are chosen frame by
-//! frame; the paper adds the responses of its layers likewise, eq 6).
+//! Apart from these, the network's layers can learn stronger alterations of the target, with another weight of the filter's
+//! norm, and have their say by a fixed share (in the manner of Bhat et al., *Unveiling the Power of Deep Tracking*, ECCV
+//! 2018, whose shares are chosen frame by frame; the paper adds the responses of its layers likewise, eq 6).
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ use crate::dcf::sample::Sample;
 use crate::dcf::window::{label, mask};
 use crate::features::layers::{Extractor, Source};
 use crate::geometry::Rect;
-use crate::params::{FilterKind, LcmhtFilter, LcmhtParams};
+use crate::params::{FilterKind, LcmhtCnn, LcmhtFilter, LcmhtParams};
 
 /// Conjugate-gradient steps on the first frame's samples of a masked filter.
 const FIRST_STEPS: usize = 30;
@@ -57,11 +57,16 @@ impl Filters {
             return Self::Kernelised(KernelisedFilter::new(settings, fft, &label));
         }
         let mask = mask(rows, cols, settings.mask * cells[0], settings.mask * cells[1]);
-        let parts = parts(params, extractor).into_iter().map(|(channels, share, strong)| {
-            let looks = augment::looks(&params.augment, target, strong);
-            let settings = masked_settings(settings, 1 + looks.len());
-            let filter = MaskedFilter::new(settings, fft, channels, &label, &mask);
-            Part { filter, looks, share, response: vec![0.0; rows * cols] }
+        let parts = roles(params, extractor).into_iter().map(|role| {
+            let looks = augment::looks(&params.augment, target, role.strong_looks);
+            let settings = masked::Settings {
+                looks: 1 + looks.len(),
+                memory: (settings.memory as usize).max(2 + looks.len()),
+                first_weight: settings.first_weight as f32,
+                regularisation: role.regularisation as f32,
+            };
+            let filter = MaskedFilter::new(settings, fft, role.channels, &label, &mask);
+            Part { filter, looks, share: role.share as f32, response: vec![0.0; rows * cols] }
         });
         Self::Masked(parts.collect())
     }
@@ -121,24 +126,29 @@ impl Filters {
     }
 }
 
-/// The channels that a masked filter each is for, the share of its response, and whether it learns strong alterations.
-fn parts(params: &LcmhtParams, extractor: &Extractor) -> Vec<(Range<usize>, f32, bool)> {
-    let all = extractor.channels();
-    let network = extractor.layers().find(|(spec, _)| matches!(spec.source, Source::Network(_)));
-    match network.map(|(_, channels)| channels.start) {
-        Some(first) if params.cnn.separate && first > 0 => {
-            let share = params.cnn.share as f32;
-            vec![(0..first, 1.0 - share, false), (first..all, share, true)]
-        }
-        _ => vec![(0..all, 1.0, false)],
-    }
+/// What a masked filter is for.
+struct Role {
+    channels: Range<usize>,
+    share: f64,
+    /// Weight of the filter's norm.
+    regularisation: f64,
+    /// Whether it learns strong alterations of the first frame's target.
+    strong_looks: bool,
 }
 
-fn masked_settings(settings: &LcmhtFilter, looks: usize) -> masked::Settings {
-    masked::Settings {
-        looks,
-        memory: (settings.memory as usize).max(looks + 1),
-        first_weight: settings.first_weight as f32,
-        regularisation: settings.regularisation as f32,
+/// The roles that the layers of `extractor` are divided into.
+fn roles(params: &LcmhtParams, extractor: &Extractor) -> Vec<Role> {
+    let LcmhtCnn { separate, share, regularisation, .. } = params.cnn;
+    let all = extractor.channels();
+    let network = extractor.layers().find(|(spec, _)| matches!(spec.source, Source::Network(_)));
+    let first = network.map_or(all, |(_, channels)| channels.start);
+    let alone =
+        Role { channels: 0..all, share: 1.0, regularisation: params.filter.regularisation, strong_looks: false };
+    if !separate || first == 0 || first == all {
+        return vec![alone];
     }
+    vec![
+        Role { channels: 0..first, share: 1.0 - share, ..alone },
+        Role { channels: first..all, share, regularisation, strong_looks: true },
+    ]
 }
