@@ -14,8 +14,10 @@ use support::{Node, Peer, domain};
 const FRAMES: u64 = 600;
 /// Without `SOAK_SECONDS`.
 const SECONDS: u64 = 5;
-/// Of the images that are sent at 1920 x 1080 and 30 Hz, at least so many are received.
-const RECEIVED: f64 = 0.995;
+/// Of the images that are sent at 1920 x 1080 and 30 Hz, at most so many are lost on the way, best effort as they are.
+const LOST: f64 = 0.005;
+/// So many more may be: one that is lost in a few seconds, when the machine does something else, is no rate.
+const LOST_BY_CHANCE: f64 = 2.0;
 /// Far more than a frame takes.
 const PER_FRAME: Duration = Duration::from_millis(200);
 
@@ -49,5 +51,6 @@ fn full_hd_at_30_hz_is_received_in_constant_memory() {
         word.parse().unwrap_or_else(|e| panic!("'{word}' before '{unit}': {e}"))
     };
     let [received, missed] = [" received", " missed"].map(number);
-    assert!(received > RECEIVED * (received + missed) && received > RECEIVED * 30.0 * seconds as f64, "{counts}");
+    let sent = (received + missed).max(30.0 * seconds as f64);
+    assert!(sent - received <= LOST * sent + LOST_BY_CHANCE, "{counts}");
 }
