@@ -7,6 +7,7 @@ use tract_onnx::prelude::*;
 use tract_onnx::tract_hir::infer::GenericFactoid;
 use tract_onnx::tract_hir::internal::DimLike;
 
+use super::depthwise;
 use super::network::{self, Loaded, Network, Refusal, fill};
 use crate::features::FeatureMap;
 
@@ -75,7 +76,9 @@ impl Network for Tract {
 
 /// The model, optimised for inputs of a shape.
 fn optimised(model: &InferenceModel, shape: [usize; 4]) -> TractResult<Arc<TypedRunnableModel>> {
-    model.clone().with_input_fact(0, f32::fact(shape).into())?.into_optimized()?.into_runnable()
+    let mut model = model.clone().with_input_fact(0, f32::fact(shape).into())?.into_typed()?.into_decluttered()?;
+    depthwise::replace(&mut model)?;
+    model.into_optimized()?.into_runnable()
 }
 
 /// What an error says, with its causes, on one line.

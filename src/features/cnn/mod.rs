@@ -7,9 +7,11 @@
 //! |---|---|
 //! | `network.rs` | what a network must be, its loading and its checks |
 //! | `builtin.rs` | inference by tract, which is built in |
+//! | `depthwise.rs` | its convolutions of single channels, which ours replace |
 //! | `onnxruntime.rs` | inference by ONNX Runtime, where its library is there |
 
 mod builtin;
+mod depthwise;
 mod network;
 #[cfg(feature = "onnxruntime")]
 mod onnxruntime;

@@ -9,7 +9,7 @@ use crate::features::FeatureMap;
 use crate::params::{ChannelOrder, Inference, LcmhtCnn};
 
 /// The embedded network: see `assets/make_lite0.py`.
-const EMBEDDED: &[u8] = include_bytes!("../../../assets/lite0.onnx");
+pub(super) const EMBEDDED: &[u8] = include_bytes!("../../../assets/lite0.onnx");
 
 /// What a network is loaded by.
 #[derive(Clone, Debug, PartialEq)]
