@@ -507,7 +507,7 @@ def stuck_looker(node_pid):
         for _ in range(4):
             said = peer.follow(150)
             sizes.append(resident(node_pid))
-        # The allocator may take a step at any time; what is kept for the looker would grow all the time. 7 KB an image pass.
+        # The allocator may take a step at any time; what is kept for the looker, 7 KB an image or more, grows in each window.
         assert min(np.diff(sizes)) < 1 and said.skipped == 0, (sizes, said.skipped)
     finally:
         looker.kill()

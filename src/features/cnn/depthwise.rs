@@ -57,7 +57,7 @@ impl Depthwise {
             && conv.group == channels
             && pool.dilations().iter().all(|&dilation| dilation == 1);
         let sides = pool.computed_padding(&[rows, cols]);
-        same.then(|| Self {
+        (same && sides.iter().all(|side| side.convoluted > 0)).then(|| Self {
             input: [rows, cols],
             kernel: [kernel_rows, kernel_cols],
             stride: [pool.stride(0), pool.stride(1)],
@@ -101,8 +101,8 @@ impl Layout {
 
     /// Numbers in it, with those that the last block of outputs meets behind the end.
     fn size(&self) -> usize {
-        let [[rows, cols], [across, along]] = [self.stride, self.phase];
-        rows * cols * across * along + along + BLOCK
+        let [phases, numbers] = [self.stride, self.phase].map(|[rows, cols]| rows * cols);
+        phases * numbers + self.phase[1] + BLOCK
     }
 
     /// Where a pixel lies, counted with the padding.
@@ -199,6 +199,7 @@ fn with_sides<D: From<usize>>(shape: impl Iterator<Item = D>, sides: [usize; 2])
 
 #[cfg(test)]
 mod tests {
+    use tract_linalg::multithread::{Executor, multithread_tract_scope};
     use tract_onnx::tract_core::ops::cnn::{PaddingSpec, PoolSpec};
 
     use super::*;
@@ -285,13 +286,18 @@ mod tests {
             Case { stride: [1, 3], kernel: [1, 1], padding: [[3, 4], [5, 2]], ..CASE },
             Case { stride: [4, 4], kernel: [2, 2], padding: [[1, 1], [0, 0]], rows: 9, cols: 2, ..CASE },
             Case { rows: 1, cols: 1, channels: 1, ..CASE },
+            // Enough of it for several threads.
+            Case { channels: 96, rows: 96, cols: 96, ..CASE },
         ];
+        let threads = Executor::multithread(2);
         for (i, case) in cases.iter().enumerate() {
             let mut model = case.model()?;
             let own = run(model.clone(), case.image()?)?;
             assert_eq!(replace(&mut model)?, 1, "case {i}");
-            let replaced = run(model, case.image()?)?;
-            replaced.close_enough(&own, Approximation::Close).with_context(|| format!("case {i}"))?;
+            for executor in [&Executor::SingleThread, &threads] {
+                let replaced = multithread_tract_scope(executor.clone(), || run(model.clone(), case.image()?))?;
+                replaced.close_enough(&own, Approximation::Close).with_context(|| format!("case {i}"))?;
+            }
         }
         Ok(())
     }
