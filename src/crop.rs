@@ -5,7 +5,7 @@
 //! blurred by a wider triangle, mirrored, turned.
 
 use image::GrayImage;
-use imageproc::geometric_transformations::{Border, Interpolation, rotate};
+use imageproc::geometric_transformations::{Border, Interpolation, Projection, warp_into};
 
 use crate::frame::{Frame, Plane};
 use crate::geometry::Rect;
@@ -48,14 +48,18 @@ impl Patch {
         }
     }
 
-    /// Turns it about its middle, `degrees` clockwise. The border pixels go on.
-    fn turn(&mut self, degrees: f64) {
-        let middle = [self.width, self.height].map(|side| (side as f32 - 1.0) / 2.0);
+    /// Turns it about its middle, `degrees` clockwise. The border pixels go on. `spare` is room for a plane.
+    fn turn(&mut self, degrees: f64, spare: &mut Vec<u8>) {
+        let (width, height) = (self.width as u32, self.height as u32);
+        let [x, y] = [width, height].map(|side| (side as f32 - 1.0) / 2.0);
+        let turn = Projection::rotate(degrees.to_radians() as f32);
+        let about_middle = Projection::translate(x, y) * turn * Projection::translate(-x, -y);
+        let image = |data| GrayImage::from_raw(width, height, data).expect("a plane has a value a pixel");
         for plane in &mut self.planes {
-            let image = GrayImage::from_raw(self.width as u32, self.height as u32, std::mem::take(plane))
-                .expect("a plane has a value a pixel");
-            let angle = degrees.to_radians() as f32;
-            *plane = rotate(&image, middle.into(), angle, Interpolation::Bilinear, Border::Replicate).into_raw();
+            spare.resize(plane.len(), 0);
+            let (from, mut to) = (image(std::mem::take(plane)), image(std::mem::take(spare)));
+            warp_into(&from, about_middle, Interpolation::Bilinear, Border::Replicate, &mut to);
+            (*plane, *spare) = (to.into_raw(), from.into_raw());
         }
     }
 
@@ -164,6 +168,8 @@ pub struct Cropper {
     /// Input rows resampled in x: `rows x width`, a plane.
     narrow: Vec<f32>,
     sum: Vec<f32>,
+    /// Room to turn a plane.
+    spare: Vec<u8>,
 }
 
 impl Cropper {
@@ -195,12 +201,12 @@ impl Cropper {
         done
     }
 
-    fn finish(&self, patch: &mut Patch) {
+    fn finish(&mut self, patch: &mut Patch) {
         if self.alteration.mirrored {
             patch.mirror();
         }
         if self.alteration.turn != 0.0 {
-            patch.turn(self.alteration.turn);
+            patch.turn(self.alteration.turn, &mut self.spare);
         }
     }
 

@@ -108,6 +108,12 @@ pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
+/// A vector turned by `angle`, in radians, from x towards y: clockwise, as y points down.
+pub fn turned([x, y]: [f64; 2], angle: f64) -> [f64; 2] {
+    let (sin, cos) = angle.sin_cos();
+    [cos * x - sin * y, sin * x + cos * y]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

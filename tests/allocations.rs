@@ -149,6 +149,13 @@ fn learning_a_target_allocates_nothing_once_warm() {
     follow_without_allocating(&[("lcmht.cnn.enabled", &network)], 0.7);
 }
 
+/// Frames in which the target is looked for in a turned picture as well.
+#[test]
+fn looking_for_a_turned_target_allocates_nothing_once_warm() {
+    let (always, network) = (Value::Double(10.0), Value::Bool(false));
+    follow_without_allocating(&[("lcmht.turn.below", &always), ("lcmht.cnn.enabled", &network)], 0.7);
+}
+
 #[test]
 fn following_a_target_by_particles_allocates_nothing_once_warm() {
     let (algorithm, update) = (Value::String("etepf".into()), Value::Bool(false));

@@ -4,6 +4,7 @@
 use multiversion::multiversion;
 
 use crate::crop::Patch;
+use crate::geometry::turned;
 
 /// Takes places of the current picture to those of the reference: turned by `angle` about the middle of the picture, then
 /// moved by `shift`. A camera that pans to the right sees things go to the left; its shift grows to the right.
@@ -25,19 +26,19 @@ impl Motion {
 
     /// Where a place of the current picture is in the reference.
     pub fn apply(&self, place: [f64; 2]) -> [f64; 2] {
-        let turned = turn([place[0] - self.centre[0], place[1] - self.centre[1]], self.angle);
+        let turned = turned([place[0] - self.centre[0], place[1] - self.centre[1]], self.angle);
         std::array::from_fn(|i| turned[i] + self.centre[i] + self.shift[i])
     }
 
     /// The motion from the reference to the current picture.
     pub fn inverse(&self) -> Self {
-        let back = turn(self.shift, -self.angle);
+        let back = turned(self.shift, -self.angle);
         Self { angle: -self.angle, shift: back.map(|v| -v), centre: self.centre }
     }
 
     /// First this motion, then another about the same middle.
     pub fn then(&self, next: &Self) -> Self {
-        let moved = turn(self.shift, next.angle);
+        let moved = turned(self.shift, next.angle);
         let shift = std::array::from_fn(|i| moved[i] + next.shift[i]);
         Self { angle: self.angle + next.angle, shift, centre: self.centre }
     }
@@ -47,12 +48,6 @@ impl Motion {
         let turn = 2.0 * (0.5 * self.angle).sin().abs() * self.centre[0].hypot(self.centre[1]);
         self.shift[0].hypot(self.shift[1]) + turn
     }
-}
-
-/// Turns a vector from x towards y.
-pub(super) fn turn([x, y]: [f64; 2], angle: f64) -> [f64; 2] {
-    let (sin, cos) = angle.sin_cos();
-    [cos * x - sin * y, sin * x + cos * y]
 }
 
 /// Pixels of a row that [`warp`] works on together.

@@ -3,7 +3,8 @@
 //! are made finer and counted again. The places in the last bins are the background; their least-squares motion is finer
 //! than any bin.
 
-use super::camera::{Motion, turn};
+use super::camera::Motion;
+use crate::geometry::turned;
 
 /// A place of the current picture and the same one in the reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,7 +81,7 @@ fn narrow(pairs: &[Pair], around: &Motion, width: f64, step: f64) -> Motion {
 
 /// Where a pair's place went, but for a rotation.
 fn translation(pair: &Pair, angle: f64, centre: [f64; 2]) -> [f64; 2] {
-    let turned = turn([pair.from[0] - centre[0], pair.from[1] - centre[1]], angle);
+    let turned = turned([pair.from[0] - centre[0], pair.from[1] - centre[1]], angle);
     std::array::from_fn(|i| pair.to[i] - centre[i] - turned[i])
 }
 

@@ -235,6 +235,17 @@ group! {
 }
 
 group! {
+    /// Search windows that turn with the target.
+    pub struct LcmhtTurn at "lcmht.turn." {
+        enabled: bool = true; "Looks for a target that answers poorly in pictures turned to either side as well, and goes on with that in which it answers better; otherwise the picture stays as it is."
+        step: f64 = 20.0, in 1.0..=90.0, unit "deg"; "How far the picture is turned at a time."
+        below: f64 = 0.8, in 0.0..=10.0; "Response, measured as for the states, below which turned pictures are looked at."
+        gain: f64 = 1.25, in 1.0..=10.0; "How many times as well a target must answer in a turned picture."
+        aspect: f64 = 1.5, in 1.0..=100.0; "Ratio of the longer side of a target to the shorter one above which its picture stays as it is."
+    }
+}
+
+group! {
     /// What looks like the target and is not.
     pub struct LcmhtNeighbours at "lcmht.neighbours." {
         enabled: bool = true; "Follows what looks like the target as well, so that a peak which it explains is not taken for the target."
@@ -254,6 +265,8 @@ groups! {
         filter: LcmhtFilter,
         /// Altered looks at the target in the first frame.
         augment: LcmhtAugment,
+        /// Search windows that turn with the target.
+        turn: LcmhtTurn,
         /// The scale filter.
         scale: LcmhtScale,
         /// What is made of a response.

@@ -16,6 +16,7 @@
 //! | `lcmht/augment.rs` | altered looks at the first frame's target, which the filters learn as well |
 //! | `lcmht/motion.rs` | the motion model and the GM-PHD filter (eqs 17 to 24) |
 //! | `lcmht/neighbours.rs` | what looks like the target, so that it is not taken for it |
+//! | `lcmht/turn.rs` | how far the picture is turned that the target is looked for in |
 //! | `lcmht/confidence.rs` | the states, from the response |
 //! | `detect/online.rs` | the support vector machine (eqs 10 to 16) |
 
@@ -25,6 +26,7 @@ pub(super) mod confidence;
 mod filters;
 mod motion;
 mod neighbours;
+mod turn;
 
 use std::sync::Arc;
 
@@ -44,6 +46,7 @@ use appearance::{Answer, Appearance, network_settings, reshapes};
 use confidence::Confidence;
 use motion::Motion;
 use neighbours::Neighbours;
+use turn::Turn;
 
 /// Area of the scale filter's crops, in square pixels.
 pub(super) const SCALE_AREA: f64 = 512.0;
@@ -81,6 +84,7 @@ struct Followed {
     response: f64,
     /// The response as far as the detector lets it count.
     judged: f64,
+    turn: Turn,
     age: u32,
     updates: u32,
     lost_for: u32,
@@ -197,6 +201,7 @@ impl Followed {
             proposals: Vec::new(),
             response,
             judged: response,
+            turn: Turn::upright(),
             age: 0,
             updates: 0,
             lost_for: 0,
@@ -214,7 +219,8 @@ impl Followed {
         let expected = self.motion.predict(self.rect.centre(), dt);
         let expected = inside(expected, frame);
         trace.prediction(Rect::around(expected, self.rect.size()));
-        self.appearance.look(frame, cropper, expected, self.rect.size());
+        self.appearance.look(frame, cropper, expected, self.rect.size(), self.turn.degrees());
+        self.look_turned(frame, cropper);
         self.appearance.show(trace);
 
         trace.stage(Stage::Localise);
@@ -226,7 +232,9 @@ impl Followed {
             self.confidence.rebase(answer.response);
         }
         self.judged = answer.response * self.opinion(&answer, frame, cropper);
-        self.confidence.assess(self.judged);
+        if self.confidence.assess(self.judged) == State::Tracking {
+            self.turn.settle(self.appearance.turn());
+        }
         self.watch_neighbours(&answer, frame, cropper);
         self.neighbours.show(self.rect.size(), trace);
         self.rect = Rect::around(self.place(&answer, expected, frame), self.rect.size());
@@ -254,6 +262,23 @@ impl Followed {
             trace.stage(Stage::Learn);
             self.learn(frame, cropper);
         }
+    }
+
+    /// Looks for a target that answers poorly in turned pictures as well, and stays with the first in which it is certain
+    /// and answers much better. Not for a lost one: the more looks, the more often something else is taken for it.
+    fn look_turned(&mut self, frame: &Frame, cropper: &mut Cropper) {
+        let Self { params: LcmhtParams { turn: settings, .. }, appearance, confidence, rect, turn, .. } = self;
+        let response = appearance.highest().response;
+        let poor = settings.enabled
+            && confidence.state() != State::Lost
+            && rect.w.max(rect.h) <= settings.aspect * rect.w.min(rect.h)
+            && confidence.quality(response) < settings.below;
+        let Some(others) = turn.others(poor, settings.step) else {
+            return;
+        };
+        let much_better = |other| confidence.is_certain(other) && other >= settings.gain * response;
+        let chosen = others.into_iter().find(|&turn| appearance.look_turned(frame, cropper, turn, much_better));
+        turn.chose(chosen);
     }
 
     /// The best answer of the filter, unless a neighbour explains it and another one is left for the target: then that
@@ -337,7 +362,7 @@ impl Followed {
         self.detector.scan(frame, cropper, &self.rect, &mut self.proposals);
         trace.proposals(&self.proposals);
         let heaviest = self.motion.filter(self.proposals.iter().map(|p| p.rect))?;
-        self.appearance.look(frame, cropper, inside(heaviest.centre(), frame), self.rect.size());
+        self.appearance.look(frame, cropper, inside(heaviest.centre(), frame), self.rect.size(), self.turn.degrees());
         Some(self.appearance.highest())
     }
 
@@ -421,7 +446,7 @@ impl Followed {
     ) {
         let expected = inside(self.motion.predict(self.rect.centre(), dt), frame);
         let size = self.rect.size();
-        self.appearance.look(frame, cropper, expected, size);
+        self.appearance.look(frame, cropper, expected, size, self.turn.degrees());
         let found = self.appearance.best(|place| self.motion.prior(expected, place));
         let (age, rect) = (self.age, Rect::around(inside(found.centre, frame), size));
         *self = Self { age, ..Self::new(self.id.clone(), params, cnn, seed, frame, cropper, rect) };

@@ -3,16 +3,16 @@
 use std::sync::{Arc, Mutex};
 
 use super::filters::Filters;
-use crate::crop::Cropper;
+use crate::crop::{Alteration, Cropper};
 use crate::dcf::fft::Fft2;
-use crate::dcf::response::{Peak, centred, highest, local_maxima};
+use crate::dcf::response::{Peak, centred, highest, local_maxima, turned_about_middle};
 use crate::dcf::sample::Sample;
 use crate::error::NetworkError;
 use crate::features::CELL;
 use crate::features::cnn::{self, Cnn, SharedCnn};
 use crate::features::layers::{Extractor, Feature, LayerSpec, Source};
 use crate::frame::Frame;
-use crate::geometry::Rect;
+use crate::geometry::{Rect, turned};
 use crate::params::{LcmhtAugment, LcmhtCnn, LcmhtFilter, LcmhtLayers, LcmhtParams, WindowShape};
 use crate::trace::{ResponseMap, Trace};
 
@@ -29,13 +29,25 @@ pub(in crate::tracker) struct Appearance {
     fft: Fft2,
     extractor: Extractor,
     filters: Filters,
-    /// What the search window showed, and the response to it (wrapped).
-    sample: Sample,
-    window: Rect,
-    response: Vec<f32>,
+    view: View,
+    /// The look that another one is compared with.
+    aside: View,
     peaks: Vec<Peak>,
     answers: Vec<Answer>,
     shown: Vec<f32>,
+    /// Room to turn what is shown.
+    spare: Vec<f32>,
+}
+
+/// A look through the search window.
+#[derive(Default)]
+struct View {
+    window: Rect,
+    /// How far the picture is turned about the window's centre, in degrees clockwise.
+    turn: f64,
+    /// What the window showed, and the response to it (wrapped).
+    sample: Sample,
+    response: Vec<f32>,
 }
 
 /// A place that the filter answers to.
@@ -72,17 +84,17 @@ impl Appearance {
             fft,
             extractor,
             filters,
-            sample: Sample::default(),
-            window,
-            response: vec![0.0; rows * cols],
+            view: View { response: vec![0.0; rows * cols], ..View::default() },
+            aside: View { response: vec![0.0; rows * cols], ..View::default() },
             peaks: Vec::with_capacity(PEAKS),
             answers: Vec::with_capacity(PEAKS),
             shown: Vec::with_capacity(rows * cols),
+            spare: Vec::with_capacity(rows * cols),
         };
-        appearance.see(frame, cropper, rect.centre(), rect.size());
+        appearance.see(frame, cropper, window, 0.0);
         appearance.learn_first(frame, cropper, rect);
         appearance.respond();
-        let response = f64::from(highest(&appearance.response, rows, cols, false).value);
+        let response = f64::from(highest(&appearance.view.response, rows, cols, false).value);
         (appearance, response)
     }
 
@@ -91,16 +103,48 @@ impl Appearance {
         self.settings = settings.clone();
     }
 
-    /// Looks for a target of size `size` around `centre`: fills the sample and the response map (eqs 5 and 6).
-    pub(in crate::tracker) fn look(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
-        self.see(frame, cropper, centre, size);
+    /// Looks for a target of size `size` around `centre`, in a picture turned by `turn` degrees clockwise: fills the sample
+    /// and the response map (eqs 5 and 6).
+    pub(in crate::tracker) fn look(
+        &mut self,
+        frame: &Frame,
+        cropper: &mut Cropper,
+        centre: [f64; 2],
+        size: [f64; 2],
+        turn: f64,
+    ) {
+        self.see(frame, cropper, search_window(&self.settings, centre, size), turn);
         self.respond();
+    }
+
+    /// Looks through the same window again in a picture turned by `turn` degrees clockwise, and stays with that if the
+    /// highest response is then `wanted`. Says whether it is.
+    pub(in crate::tracker) fn look_turned(
+        &mut self,
+        frame: &Frame,
+        cropper: &mut Cropper,
+        turn: f64,
+        wanted: impl Fn(f64) -> bool,
+    ) -> bool {
+        std::mem::swap(&mut self.view, &mut self.aside);
+        self.see(frame, cropper, self.aside.window, turn);
+        self.respond();
+        let better = wanted(self.highest().response);
+        if !better {
+            std::mem::swap(&mut self.view, &mut self.aside);
+        }
+        better
+    }
+
+    /// How far the picture of the last look is turned, in degrees clockwise.
+    pub(in crate::tracker) fn turn(&self) -> f64 {
+        self.view.turn
     }
 
     /// The best local maximum of the response map (eq 7), by its response times what `prior` makes of its place.
     pub(in crate::tracker) fn best(&mut self, prior: impl Fn([f64; 2]) -> f64) -> Answer {
         self.peaks.clear();
-        local_maxima(&self.response, self.rows, self.cols, 0.0, PEAKS, self.settings.subcell, &mut self.peaks);
+        local_maxima(&self.view.response, self.rows, self.cols, 0.0, PEAKS, self.settings.subcell, &mut self.peaks);
         self.answers.clear();
         for i in 0..self.peaks.len() {
             self.answers.push(self.answer(&self.peaks[i]));
@@ -108,7 +152,7 @@ impl Appearance {
         let ranked = self.answers.iter().map(|&answer| (answer.response * prior(answer.centre), answer));
         ranked
             .max_by(|a, b| a.0.total_cmp(&b.0))
-            .map_or(Answer { centre: self.window.centre(), response: 0.0 }, |(_, answer)| answer)
+            .map_or(Answer { centre: self.view.window.centre(), response: 0.0 }, |(_, answer)| answer)
     }
 
     /// The local maxima that [`best`](Self::best) last chose from, highest first.
@@ -118,54 +162,58 @@ impl Appearance {
 
     /// The highest response of the map.
     pub(in crate::tracker) fn highest(&self) -> Answer {
-        self.answer(&highest(&self.response, self.rows, self.cols, self.settings.subcell))
+        self.answer(&highest(&self.view.response, self.rows, self.cols, self.settings.subcell))
     }
 
     fn answer(&self, peak: &Peak) -> Answer {
-        let [x, y] = self.window.centre();
-        let cell = [self.window.w / self.cols as f64, self.window.h / self.rows as f64];
-        Answer {
-            centre: [x + peak.displacement[0] * cell[0], y + peak.displacement[1] * cell[1]],
-            response: f64::from(peak.value),
-        }
+        let View { window, turn, .. } = &self.view;
+        let [x, y] = window.centre();
+        let cell = [window.w / self.cols as f64, window.h / self.rows as f64];
+        let [dx, dy] = turned([peak.displacement[0] * cell[0], peak.displacement[1] * cell[1]], -turn.to_radians());
+        Answer { centre: [x + dx, y + dy], response: f64::from(peak.value) }
     }
 
     /// Learns the target at `centre` (eqs 4 and 8). By default the sample of the last look is shifted there; the paper
     /// cuts it anew.
     pub(in crate::tracker) fn learn(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
         if self.settings.recrop {
-            self.see(frame, cropper, centre, size);
+            self.see(frame, cropper, search_window(&self.settings, centre, size), self.view.turn);
         } else {
-            let [x, y] = self.window.centre();
-            let by = [
-                (x - centre[0]) * self.cols as f64 / self.window.w,
-                (y - centre[1]) * self.rows as f64 / self.window.h,
-            ];
-            self.sample.shift(&self.fft, by);
+            let View { window, turn, sample, .. } = &mut self.view;
+            let [x, y] = window.centre();
+            let [dx, dy] = turned([x - centre[0], y - centre[1]], turn.to_radians());
+            sample.shift(&self.fft, [dx * self.cols as f64 / window.w, dy * self.rows as f64 / window.h]);
         }
-        self.filters.learn(&mut self.fft, &self.sample, &self.settings);
+        self.filters.learn(&mut self.fft, &self.view.sample, &self.settings);
     }
 
     /// Shows the response map of the last look.
     pub(in crate::tracker) fn show(&mut self, trace: &mut dyn Trace) {
-        trace.search_window(self.window);
-        centred(&self.response, self.rows, self.cols, &mut self.shown);
-        trace.response(&ResponseMap { values: &self.shown, rows: self.rows, cols: self.cols, window: self.window });
+        let Self { view: View { window, turn, response, .. }, rows, cols, shown, spare, .. } = self;
+        trace.search_window(*window);
+        centred(response, *rows, *cols, shown);
+        if *turn != 0.0 {
+            std::mem::swap(shown, spare);
+            turned_about_middle(spare, *rows, *cols, -*turn, shown);
+        }
+        trace.response(&ResponseMap { values: shown, rows: *rows, cols: *cols, window: *window });
     }
 
-    fn see(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
-        self.window = search_window(&self.settings, centre, size);
-        self.extractor.extract(frame, &self.window, cropper, &mut self.fft, &mut self.sample);
+    fn see(&mut self, frame: &Frame, cropper: &mut Cropper, window: Rect, turn: f64) {
+        let Self { fft, extractor, view, .. } = self;
+        (view.window, view.turn) = (window, turn);
+        let alteration = Alteration { turn, ..Alteration::default() };
+        cropper.altered(alteration, |cropper| extractor.extract(frame, &window, cropper, fft, &mut view.sample));
     }
 
     fn respond(&mut self) {
-        self.filters.respond(&mut self.fft, &self.sample, &mut self.response);
+        self.filters.respond(&mut self.fft, &self.view.sample, &mut self.view.response);
     }
 
     /// Learns the sample of the first frame, and those of altered looks at it.
     fn learn_first(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect) {
-        let Self { settings, fft, extractor, filters, sample, .. } = self;
-        filters.learn_first(fft, sample, |look, fft, sample| {
+        let Self { settings, fft, extractor, filters, view, .. } = self;
+        filters.learn_first(fft, &view.sample, |look, fft, sample| {
             let window = search_window(settings, rect.centre(), rect.size().map(|side| side / look.scale));
             cropper.altered(look.alteration, |cropper| extractor.extract(frame, &window, cropper, fft, sample));
         });
@@ -260,6 +308,7 @@ const COLOUR_COMPONENTS: usize = 10;
 mod tests {
     use super::*;
     use crate::frame::Encoding;
+    use crate::geometry::distance;
     use crate::params::{LcmhtAugment, Params};
 
     const WIDTH: usize = 200;
@@ -282,7 +331,7 @@ mod tests {
         let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
         let mut cropper = Cropper::default();
         let (mut appearance, trained) = Appearance::new(&params, None, &frame(&first), &mut cropper, &TARGET);
-        appearance.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size());
+        appearance.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size(), 0.0);
         appearance.highest().response / trained
     }
 
@@ -295,6 +344,38 @@ mod tests {
         assert!(with > 1.1 * without, "{with} {without}");
     }
 
+    #[test]
+    fn a_target_that_turned_is_found_and_learned_where_it_is_by_a_picture_turned_back() {
+        const DEGREES: f64 = 20.0;
+        let mut params = Params::default().lcmht;
+        params.cnn.enabled = false;
+        let first = scene(1);
+        let [x, y] = TARGET.centre();
+        let place = [x + 9.0, y - 6.0];
+        let pixel = |i: usize| {
+            let offset = [(i % WIDTH) as f64 + 0.5 - place[0], (i / WIDTH) as f64 + 0.5 - place[1]];
+            let [dx, dy] = turned(offset, -DEGREES.to_radians());
+            let [column, row] = [(x + dx, WIDTH), (y + dy, HEIGHT)].map(|(v, n)| v.clamp(0.0, n as f64 - 1.0) as usize);
+            first[row * WIDTH + column]
+        };
+        let then: Vec<u8> = (0..first.len()).map(pixel).collect();
+        let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
+        let mut cropper = Cropper::default();
+        let (mut appearance, _) = Appearance::new(&params, None, &frame(&first), &mut cropper, &TARGET);
+        appearance.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size(), 0.0);
+        let upright = appearance.highest();
+        // Turned farther the same way, it answers worse, and the look before stays.
+        assert!(!appearance.look_turned(&frame(&then), &mut cropper, DEGREES, |r| r > upright.response));
+        assert_eq!((appearance.turn(), appearance.highest().response), (0.0, upright.response));
+        assert!(appearance.look_turned(&frame(&then), &mut cropper, -DEGREES, |r| r > 1.2 * upright.response));
+        assert_eq!(appearance.turn(), -DEGREES);
+        assert!(distance(appearance.highest().centre, place) < 1.5, "{:?}", appearance.highest());
+        appearance.learn(&frame(&then), &mut cropper, place, TARGET.size());
+        appearance.respond();
+        // The sample learned has the target in its middle.
+        assert!(distance(appearance.highest().centre, TARGET.centre()) < 1.5, "{:?}", appearance.highest());
+    }
+
     /// The response map of a filter trained on the first frame, to a scene that is a little blurred.
     fn responses(change: impl Fn(&mut LcmhtParams)) -> Vec<f32> {
         let mut params = Params::default().lcmht;
@@ -303,8 +384,8 @@ mod tests {
         let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
         let (mut cropper, cnn) = (Cropper::default(), network(&params, None).unwrap());
         let (mut appearance, _) = Appearance::new(&params, cnn, &frame(&first), &mut cropper, &TARGET);
-        appearance.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size());
-        appearance.response
+        appearance.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size(), 0.0);
+        appearance.view.response
     }
 
     #[test]

@@ -48,7 +48,7 @@ impl Pattern {
 
     /// Looks for the pattern around `rect`. What is certain is learned.
     pub(super) fn recognise(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> Recognised {
-        self.appearance.look(frame, cropper, rect.centre(), rect.size());
+        self.appearance.look(frame, cropper, rect.centre(), rect.size(), 0.0);
         let Answer { centre, response } = self.appearance.best(|_| 1.0);
         let was_lost = self.confidence.state() == State::Lost;
         self.confidence.assess(response);
