@@ -177,7 +177,7 @@ group! {
         form: MotionForm = MotionForm::Size; "What the model holds of a box. Lengths count in target sizes."
         prior: f64 = 0.5, in 0.0..=1.0; "Share of a peak's rank that the distance from the expected position decides."
         prior_min: f64 = 0.4, in 0.01..=10.0, unit "target sizes"; "Least width of that prior."
-        prior_max: f64 = 1.0, in 0.01..=10.0, unit "target sizes"; "Greatest width of that prior."
+        prior_max: f64 = 2.0, in 0.01..=10.0, unit "target sizes"; "Greatest width of that prior."
         process_x: f64 = 0.0004, in 1e-12..=1e6; "Variance of the acceleration in x."
         process_y: f64 = 0.0004, in 1e-12..=1e6; "Variance of the acceleration in y."
         process_size_1: f64 = 0.0001, in 1e-12..=1e6; "Variance of the step (or acceleration) of the form's third quantity."
