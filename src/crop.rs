@@ -4,7 +4,8 @@
 //! interpolates linearly and shrinking averages. Beyond the image the border pixels go on. A patch may be altered as well:
 //! blurred by a wider triangle, mirrored, turned.
 
-use image::GrayImage;
+use image::{ImageBuffer, Luma, Pixel, Primitive};
+use imageproc::definitions::Clamp;
 use imageproc::geometric_transformations::{Border, Interpolation, Projection, warp_into};
 
 use crate::frame::{Frame, Plane};
@@ -50,17 +51,8 @@ impl Patch {
 
     /// Turns it about its middle, `degrees` clockwise. The border pixels go on. `spare` is room for a plane.
     fn turn(&mut self, degrees: f64, spare: &mut Vec<u8>) {
-        let (width, height) = (self.width as u32, self.height as u32);
-        let [x, y] = [width, height].map(|side| (side as f32 - 1.0) / 2.0);
-        let turn = Projection::rotate(degrees.to_radians() as f32);
-        let about_middle = Projection::translate(x, y) * turn * Projection::translate(-x, -y);
-        let image = |data| GrayImage::from_raw(width, height, data).expect("a plane has a value a pixel");
-        for plane in &mut self.planes {
-            spare.resize(plane.len(), 0);
-            let (from, mut to) = (image(std::mem::take(plane)), image(std::mem::take(spare)));
-            warp_into(&from, about_middle, Interpolation::Bilinear, Border::Replicate, &mut to);
-            (*plane, *spare) = (to.into_raw(), from.into_raw());
-        }
+        let middle = [self.width, self.height].map(|side| (side as f32 - 1.0) / 2.0);
+        self.planes.iter_mut().for_each(|plane| turn_about(plane, self.width, middle, degrees, spare));
     }
 
     /// Gives it a size and so many planes; what they hold is not defined.
@@ -71,6 +63,24 @@ impl Patch {
             plane.resize(width * height, 0);
         }
     }
+}
+
+/// Turns a row-major plane of this width about a place, `[column, row]`, by `degrees` clockwise. Its border goes on. `spare`
+/// is room for another plane.
+pub(crate) fn turn_about<T>(plane: &mut Vec<T>, width: usize, about: [f32; 2], degrees: f64, spare: &mut Vec<T>)
+where
+    T: Primitive + Clamp<f32> + Into<f32> + Send + Sync,
+    Luma<T>: Pixel<Subpixel = T> + Send + Sync,
+{
+    let [x, y] = about;
+    let turn = Projection::rotate(degrees.to_radians() as f32);
+    let turn = Projection::translate(x, y) * turn * Projection::translate(-x, -y);
+    let (width, height) = (width as u32, (plane.len() / width) as u32);
+    let image = |data| ImageBuffer::<Luma<T>, _>::from_raw(width, height, data).expect("a plane has a value a pixel");
+    spare.resize(plane.len(), T::DEFAULT_MIN_VALUE);
+    let (from, mut to) = (image(std::mem::take(plane)), image(std::mem::take(spare)));
+    warp_into(&from, turn, Interpolation::Bilinear, Border::Replicate, &mut to);
+    (*plane, *spare) = (to.into_raw(), from.into_raw());
 }
 
 /// One axis of a resampling: each output pixel is a weighted sum of the same number of neighbouring input pixels.
@@ -311,6 +321,17 @@ mod tests {
             }
         }
         assert_eq!(altered(false, 45.0).rgb(2, 2), plain.rgb(2, 2));
+    }
+
+    #[test]
+    fn a_plane_turned_by_a_quarter_has_its_left_at_the_top() {
+        let map: Vec<f32> = (0..25).map(|i| (i * i % 17) as f32).collect();
+        let mut turned = map.clone();
+        turn_about(&mut turned, 5, [2.0, 2.0], 90.0, &mut Vec::new());
+        for (i, value) in turned.iter().enumerate() {
+            let (r, c) = (i / 5, i % 5);
+            assert!((value - map[(4 - c) * 5 + r]).abs() < 1e-4, "{r} {c}");
+        }
     }
 
     /// The same by its definition, pixel by pixel in two dimensions.

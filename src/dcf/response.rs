@@ -1,7 +1,6 @@
 //! Peaks of response maps. Maps are row-major `rows x cols` and wrapped: cell (0, 0) is no displacement.
 
 use super::window::wrapped;
-use crate::geometry::turned;
 
 /// A local maximum of a response map.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,28 +82,6 @@ pub fn centred(map: &[f32], rows: usize, cols: usize, out: &mut Vec<f32>) {
     }
 }
 
-/// Turns a centred map about its middle by `degrees` clockwise, for display. Its border goes on.
-pub fn turned_about_middle(map: &[f32], rows: usize, cols: usize, degrees: f64, out: &mut Vec<f32>) {
-    out.clear();
-    let middle = [cols, rows].map(|cells| (cells / 2) as f64);
-    for i in 0..map.len() {
-        let offset = [(i % cols) as f64 - middle[0], (i / cols) as f64 - middle[1]];
-        let [x, y] = turned(offset, -degrees.to_radians());
-        out.push(bilinear(map, rows, cols, [x + middle[0], y + middle[1]]));
-    }
-}
-
-/// The value of a map at a place between its cells, `[column, row]`.
-fn bilinear(map: &[f32], rows: usize, cols: usize, at: [f64; 2]) -> f32 {
-    let [(left, right, across), (top, bottom, down)] = [(at[0], cols), (at[1], rows)].map(|(place, cells)| {
-        let place = place.clamp(0.0, (cells - 1) as f64);
-        let low = place as usize;
-        (low, (low + 1).min(cells - 1), (place - low as f64) as f32)
-    });
-    let row = |r: usize| map[r * cols + left] + across * (map[r * cols + right] - map[r * cols + left]);
-    row(top) + down * (row(bottom) - row(top))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -132,21 +109,6 @@ mod tests {
         peaks.clear();
         local_maxima(&map, 6, 6, 0.1, 1, true, &mut peaks);
         assert_eq!(peaks.len(), 1);
-    }
-
-    #[test]
-    fn a_map_turned_by_a_quarter_has_its_left_at_the_top() {
-        let (rows, cols) = (5, 5);
-        let map: Vec<f32> = (0..25).map(|i| (i * i % 17) as f32).collect();
-        let mut out = Vec::new();
-        turned_about_middle(&map, rows, cols, 90.0, &mut out);
-        for (i, value) in out.iter().enumerate() {
-            let (r, c) = (i / cols, i % cols);
-            assert!((value - map[(4 - c) * cols + r]).abs() < 1e-4, "{r} {c}");
-        }
-        // Half way between four cells, and beyond the border.
-        assert_eq!(bilinear(&map, rows, cols, [1.5, 0.5]), (map[1] + map[2] + map[6] + map[7]) / 4.0);
-        assert_eq!(bilinear(&map, rows, cols, [-3.0, 2.0]), map[10]);
     }
 
     #[test]

@@ -3,9 +3,9 @@
 use std::sync::{Arc, Mutex};
 
 use super::filters::Filters;
-use crate::crop::{Alteration, Cropper};
+use crate::crop::{Alteration, Cropper, turn_about};
 use crate::dcf::fft::Fft2;
-use crate::dcf::response::{Peak, centred, highest, local_maxima, turned_about_middle};
+use crate::dcf::response::{Peak, centred, highest, local_maxima};
 use crate::dcf::sample::Sample;
 use crate::error::NetworkError;
 use crate::features::CELL;
@@ -193,8 +193,8 @@ impl Appearance {
         trace.search_window(*window);
         centred(response, *rows, *cols, shown);
         if *turn != 0.0 {
-            std::mem::swap(shown, spare);
-            turned_about_middle(spare, *rows, *cols, -*turn, shown);
+            let middle = [*cols, *rows].map(|cells| (cells / 2) as f32);
+            turn_about(shown, *cols, middle, -*turn, spare);
         }
         trace.response(&ResponseMap { values: shown, rows: *rows, cols: *cols, window: *window });
     }
