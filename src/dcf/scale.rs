@@ -149,14 +149,16 @@ mod tests {
         let first = disc(30.0);
         let frame = Frame::new(&first, 200, 200, 200, Encoding::Mono8, None).unwrap();
         let mut cropper = Cropper::default();
-        let mut filter = ScaleFilter::new(&target(30.0), 1.02, 512.0);
-        filter.learn(&frame, &mut cropper, &target(30.0), 0.02);
-        assert!((filter.estimate(&frame, &mut cropper, &target(30.0)) - 1.0).abs() < 0.005);
-        for factor in [0.94, 0.97, 1.03, 1.06] {
-            let data = disc(30.0 * factor);
-            let frame = Frame::new(&data, 200, 200, 200, Encoding::Mono8, None).unwrap();
-            let got = filter.estimate(&frame, &mut cropper, &target(30.0));
-            assert!((got - factor).abs() < 0.02, "{got} for {factor}");
+        for area in [512.0, 2048.0, 16384.0] {
+            let mut filter = ScaleFilter::new(&target(30.0), 1.02, area);
+            filter.learn(&frame, &mut cropper, &target(30.0), 0.02);
+            assert!((filter.estimate(&frame, &mut cropper, &target(30.0)) - 1.0).abs() < 0.005);
+            for factor in [0.94, 0.97, 1.03, 1.06] {
+                let data = disc(30.0 * factor);
+                let frame = Frame::new(&data, 200, 200, 200, Encoding::Mono8, None).unwrap();
+                let got = filter.estimate(&frame, &mut cropper, &target(30.0));
+                assert!((got - factor).abs() < 0.02, "{got} for {factor} in crops of {area} square pixels");
+            }
         }
     }
 }

@@ -48,8 +48,6 @@ use motion::Motion;
 use neighbours::Neighbours;
 use turn::Turn;
 
-/// Area of the scale filter's crops, in square pixels.
-pub(super) const SCALE_AREA: f64 = 512.0;
 /// Share of the usual response that a peak must have to be the target's where a neighbour needs a better one.
 const ALTERNATIVE: f64 = 0.25;
 /// Likelihood of a peak that the motion model has nothing to do with, where peaks are assigned.
@@ -184,7 +182,7 @@ impl Followed {
         rect: Rect,
     ) -> Self {
         let (appearance, response) = Appearance::new(params, cnn, frame, cropper, &rect);
-        let mut scale = ScaleFilter::new(&rect, params.scale.step, SCALE_AREA);
+        let mut scale = ScaleFilter::new(&rect, params.scale.step, params.scale.area);
         scale.learn(frame, cropper, &rect, 1.0);
         let mut detector = Detector::new(detector_settings(&params.svm), &rect, seed);
         detector.learn(frame, cropper, &rect);
@@ -431,6 +429,7 @@ impl Followed {
         let own = &self.params;
         reshapes(own, params)
             || own.scale.step != params.scale.step
+            || own.scale.area != params.scale.area
             || own.svm.template_cells != params.svm.template_cells
     }
 

@@ -8,7 +8,6 @@ use crate::frame::{Frame, MIN_TARGET_SIDE};
 use crate::geometry::Rect;
 use crate::params::{LcmhtParams, MaptrackPattern};
 use crate::tracker::State;
-use crate::tracker::lcmht::SCALE_AREA;
 use crate::tracker::lcmht::appearance::{Answer, Appearance};
 use crate::tracker::lcmht::confidence::Confidence;
 
@@ -40,7 +39,7 @@ impl Pattern {
         settings.filter.window = params.window;
         settings.confidence.activate = params.certain;
         let (appearance, response) = Appearance::new(&settings, None, frame, cropper, rect);
-        let mut scale = ScaleFilter::new(rect, settings.scale.step, SCALE_AREA);
+        let mut scale = ScaleFilter::new(rect, settings.scale.step, settings.scale.area);
         scale.learn(frame, cropper, rect, 1.0);
         let confidence = Confidence::new(&settings.confidence, response);
         Self { settings, appearance, scale, confidence, frames: 0 }
