@@ -43,7 +43,7 @@ group! {
     pub struct LcmhtLayers at "lcmht.layers." {
         joint: bool = false; "HOG and colour names make one layer of 42 channels as in the paper, instead of a layer each."
         hog_components: i64 = 16, in 1..=31; "Principal components of HOG that are kept; separate layers only."
-        hog_weight: f64 = 1.0, in 0.0..=10.0; "Energy of the HOG layer; of the joint layer, the weight of its response (gamma of eq 6)."
+        hog_weight: f64 = 1.0, in 0.0..=10.0; "Energy of the HOG layer, 0 leaves it out; of the joint layer, the weight of its response (gamma of eq 6)."
         colour_weight: f64 = 0.5, in 0.0..=10.0; "Energy of the colour-name layer, 0 leaves it out; separate layers only."
     }
 }
@@ -80,7 +80,7 @@ group! {
         scale: Vec<f64> = vec![128.0; 3]; "What the intensities of each input channel are then divided by."
         order: ChannelOrder = ChannelOrder::Rgb; "Order of the input channels."
         outputs: Vec<String> = ["block4", "block10"].map(String::from); "Outputs of the network that become a layer each."
-        weights: Vec<f64> = [0.1, 0.2]; "Energy of each of these layers; with a joint hand-crafted layer, the weight of its response (gamma of eq 6)."
+        weights: Vec<f64> = [0.1, 0.2]; "Energy of each of these layers, 0 leaves one out; with a joint hand-crafted layer, the weight of its response (gamma of eq 6)."
         components: Vec<i64> = [8, 32]; "Principal components of each of these layers that are kept; 0 keeps all channels as they are."
         separate: bool = true; "Trains a masked filter on these layers alone, whose response is added to that of the hand-crafted ones; otherwise one filter is trained on all layers."
         share: f64 = 0.2, in 0.0..=1.0; "Share of that filter's response."
@@ -93,7 +93,7 @@ group! {
 
 impl LcmhtCnn {
     /// Checks that the lists are as long as they must be and hold what they may.
-    pub(super) fn check(&self) -> Result<(), ParamsError> {
+    fn check(&self) -> Result<(), ParamsError> {
         let wrong = |text: String| Err(ParamsError::Conflict(text));
         for (name, values) in [("mean", &self.mean), ("scale", &self.scale)] {
             if values.len() != 3 || values.iter().any(|v| !v.is_finite()) {
@@ -280,5 +280,48 @@ groups! {
         phd: LcmhtPhd,
         /// The online support vector machine.
         svm: LcmhtSvm,
+    }
+}
+
+impl LcmhtParams {
+    /// Checks what the parameters of a group, or of several, have to do with each other.
+    pub(super) fn check(&self) -> Result<(), ParamsError> {
+        self.cnn.check()?;
+        let LcmhtLayers { joint, hog_weight, colour_weight, .. } = self.layers;
+        let hand_crafted = hog_weight > 0.0 || (!joint && colour_weight > 0.0);
+        if hand_crafted || (self.cnn.enabled && self.cnn.weights.iter().any(|&weight| weight > 0.0)) {
+            return Ok(());
+        }
+        Err(ParamsError::Conflict(format!(
+            "no layer is left: lcmht.layers.joint is {joint}, .hog_weight {hog_weight} and .colour_weight {colour_weight}, \
+             lcmht.cnn.enabled {} and .weights {:?}",
+            self.cnn.enabled, self.cnn.weights
+        )))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::params::{Params, Phase, Value};
+
+    #[test]
+    fn a_set_that_leaves_no_layer_is_refused() {
+        let with = |changes: &[(&str, Value)]| {
+            Params::default().with(changes.iter().map(|(name, value)| (*name, value)), Phase::Running)
+        };
+        let off = |name| (name, Value::Double(0.0));
+        let [hog, colour] = ["lcmht.layers.hog_weight", "lcmht.layers.colour_weight"].map(off);
+        let joint = ("lcmht.layers.joint", Value::Bool(true));
+        let without = ("lcmht.cnn.enabled", Value::Bool(false));
+        let unweighted = ("lcmht.cnn.weights", Value::DoubleArray(vec![0.0; 2]));
+        assert!(with(&[hog.clone(), colour.clone()]).is_ok());
+        assert!(with(&[hog.clone(), without.clone()]).is_ok());
+        assert!(with(&[colour.clone(), joint.clone(), without.clone()]).is_ok());
+        for network in [without, unweighted] {
+            for layers in [[hog.clone(), colour.clone()], [hog.clone(), joint.clone()]] {
+                let why = with(&[layers.as_slice(), std::slice::from_ref(&network)].concat()).unwrap_err().to_string();
+                assert!(why.contains("no layer is left") && why.contains(".hog_weight 0"), "{why}");
+            }
+        }
     }
 }

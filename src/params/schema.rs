@@ -100,6 +100,6 @@ impl Params {
         if black == white {
             return Err(ParamsError::Conflict(format!("levels.black and levels.white are both {black}")));
         }
-        self.lcmht.cnn.check()
+        self.lcmht.check()
     }
 }
