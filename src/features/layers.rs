@@ -17,6 +17,10 @@ use crate::dcf::window::hann;
 use crate::frame::Frame;
 use crate::geometry::Rect;
 
+/// Share of a map's energy that its layer must have in the first frame to be scaled up: less, and what the layer would show
+/// are errors of rounding. Where a window is of one colour, nothing is left of colour names without their mean.
+const LEAST_ENERGY: f32 = 1e-6;
+
 /// A feature that a layer may be made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feature {
@@ -42,7 +46,8 @@ pub struct LayerSpec {
     pub source: Source,
     /// Principal components to keep, fixed in the first frame; `None` keeps the channels as they are.
     pub components: Option<usize>,
-    /// The mean energy of a cell that the layer is scaled to in the first frame; `None` leaves it as it is.
+    /// The mean energy of a cell that the layer is scaled to in the first frame; `None` leaves it as it is. A layer that
+    /// shows nothing there stays silent.
     pub energy: Option<f32>,
 }
 
@@ -108,17 +113,17 @@ impl Extractor {
 
     fn fit_layer(&mut self, spec: &LayerSpec) -> Layer {
         let grid = [self.rows, self.cols];
-        let (projection, channels, from) = self.with_map(&spec.source, |map, _| {
+        let (projection, channels, from, whole) = self.with_map(&spec.source, |map, _| {
             let projection = spec.components.map(|n| Projection::fit(map, n));
             let channels = projection.as_ref().map_or(map.channels, Projection::outputs);
-            (projection, channels, [map.rows, map.cols])
+            (projection, channels, [map.rows, map.cols], mean_energy(&map.data, map.cells()))
         });
         let resize = (from != grid).then(|| Resize::new(from, grid));
         let mut layer = Layer { spec: spec.clone(), projection, resize, channels, gain: 1.0 };
         self.project(&mut layer);
         if let Some(energy) = spec.energy {
-            let mean = self.planes.iter().map(|v| v * v).sum::<f32>() / self.hann.len() as f32;
-            layer.gain = (energy / mean.max(f32::MIN_POSITIVE)).sqrt();
+            let mean = mean_energy(&self.planes, self.hann.len());
+            layer.gain = if mean > LEAST_ENERGY * whole { (energy / mean).sqrt() } else { 0.0 };
         }
         layer
     }
@@ -235,5 +240,57 @@ impl Extractor {
         });
         planes.iter_mut().for_each(|v| *v *= *gain);
         self.planes = planes;
+    }
+}
+
+/// Mean energy of a cell, over all channels.
+fn mean_energy(planes: &[f32], cells: usize) -> f32 {
+    planes.iter().map(|v| v * v).sum::<f32>() / cells as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Encoding;
+
+    const SIDE: usize = 64;
+
+    /// The mean energy of a cell of each layer, HOG and colour names, in images of `SIDE` pixels, fitted to the first.
+    fn energies(first: &[u8], then: &[u8]) -> [f32; 2] {
+        let spec =
+            |feature, n| LayerSpec { source: Source::Cells(vec![feature]), components: Some(n), energy: Some(1.0) };
+        let specs = [spec(Feature::Hog, 16), spec(Feature::ColourNames, 10)];
+        let frame = |data| Frame::new(data, SIDE as u32, SIDE as u32, 3 * SIDE, Encoding::Rgb8, None).unwrap();
+        let (window, cells) = (Rect::new(0.0, 0.0, SIDE as f64, SIDE as f64), SIDE / CELL);
+        let mut cropper = Cropper::default();
+        let mut extractor = Extractor::fit(&specs, None, cells, cells, &frame(first), &window, &mut cropper);
+        let (mut fft, mut sample) = (Fft2::new(cells, cells), Sample::default());
+        extractor.extract(&frame(then), &window, &mut cropper, &mut fft, &mut sample);
+        let plane = |channels: &Range<usize>| {
+            let spectra =
+                sample.spectra[channels.start * fft.bins()..channels.end * fft.bins()].chunks_exact(fft.bins());
+            let mut values = vec![0.0; cells * cells];
+            spectra
+                .map(|spectrum| {
+                    fft.inverse(spectrum, &mut values);
+                    mean_energy(&values, values.len())
+                })
+                .sum()
+        };
+        <[f32; 2]>::try_from(sample.layers.iter().map(plane).collect::<Vec<f32>>()).unwrap()
+    }
+
+    #[test]
+    fn a_layer_that_shows_nothing_in_the_first_frame_stays_silent() {
+        let colours = |i: usize| [(i % SIDE * 4) as u8, (i / SIDE * 4) as u8, (i * 37 % 251) as u8];
+        let textured: Vec<u8> = (0..SIDE * SIDE).flat_map(colours).collect();
+        for colour in [[0, 0, 0], [90, 90, 90], [200, 30, 40], [12, 200, 90], [250, 250, 10], [13, 12, 14]] {
+            let plain = colour.repeat(SIDE * SIDE);
+            assert_eq!(energies(&plain, &textured), [0.0; 2], "{colour:?}");
+        }
+        // Seen once, it has the energy that it is scaled to, less what the window takes.
+        for energy in energies(&textured, &textured) {
+            assert!((0.02..0.5).contains(&energy), "{energy}");
+        }
     }
 }
