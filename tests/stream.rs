@@ -53,11 +53,80 @@ fn scenes(count: usize) -> Vec<Vec<u8>> {
 }
 
 #[derive(Default)]
-struct Window(Rect);
+struct Window(Rect, usize);
 
 impl Trace for Window {
     fn response(&mut self, map: &ResponseMap) {
-        self.0 = map.window;
+        (self.0, self.1) = (map.window, map.cols);
+    }
+}
+
+fn set(session: &mut Session, name: &str, value: Value) {
+    let changed = session.params().with([(name, &value)], Phase::Running).unwrap();
+    session.retune(changed).unwrap();
+}
+
+#[test]
+fn a_target_is_held_while_parameters_change() {
+    let mut session = session(1);
+    session.start(&frame(&scene(0), Some(0)), target(0), &mut ()).unwrap();
+    let changes = [
+        ("lcmht.filter.learning_rate", Value::Double(0.05)),
+        ("lcmht.filter.cells", Value::Integer(40)),
+        ("lcmht.filter.window", Value::Double(3.0)),
+        ("lcmht.layers.hog_weight", Value::Double(0.7)),
+        ("lcmht.scale.area", Value::Double(1024.0)),
+        ("lcmht.scale.enabled", Value::Bool(false)),
+        ("lcmht.scale.enabled", Value::Bool(true)),
+        ("lcmht.svm.template_cells", Value::Integer(30)),
+        ("lcmht.svm.c", Value::Double(1.0)),
+        ("lcmht.augment.enabled", Value::Bool(false)),
+        ("lcmht.filter.kind", Value::String("kernelised".into())),
+        ("lcmht.filter.kind", Value::String("masked".into())),
+        ("lcmht.motion.form", Value::String("aspect_height".into())),
+    ];
+    for n in 1..56 {
+        if let Some((name, value)) = (n % 4 == 0).then(|| &changes[n / 4 - 1]) {
+            set(&mut session, name, value.clone());
+        }
+        let said = session.step(&frame(&scene(n), Some(n as i64 * PERIOD)), &mut ()).targets[0].clone();
+        assert!(said.state == State::Tracking && said.rect.iou(&target(n)) > 0.6, "{n}: {said:?}");
+        assert_eq!(said.age, n as u32);
+        // What is known of its motion stays, but where the model of motion itself is another.
+        let ratio = said.velocity[0] / (2.0 * 1e9 / PERIOD as f64);
+        assert!(!(6..52).contains(&n) || (0.5..1.5).contains(&ratio), "{n}: {ratio}");
+    }
+}
+
+/// The target goes behind the noise in the very frame of a change that needs another filter, and stays there.
+#[test]
+fn parameters_that_need_another_filter_wait_for_the_target_and_others_do_not() {
+    let mut session = session(1);
+    session.start(&frame(&scene(0), None), target(0), &mut ()).unwrap();
+    let mut seen = Window::default();
+    let mut look = |session: &mut Session, n: usize| {
+        let said = session.step(&frame(&scene(n), None), &mut seen).targets[0].clone();
+        (said, seen.1)
+    };
+    (1..20).for_each(|n| _ = look(&mut session, n));
+    // Far beyond the image, so that the noise alone is left.
+    const HIDDEN: usize = 1000;
+    set(&mut session, "lcmht.filter.cells", Value::Integer(32));
+    let states: Vec<State> = (0..20).map(|_| look(&mut session, HIDDEN).0.state).collect();
+    assert!(states[0] == State::Uncertain && states[19] == State::Lost, "{states:?}");
+    // It is back, but no margin is enough to take it up.
+    set(&mut session, "lcmht.svm.least_margin", Value::Double(100.0));
+    for _ in 0..10 {
+        let (said, cols) = look(&mut session, 20);
+        assert_eq!((said.state, cols), (State::Lost, 48));
+    }
+    set(&mut session, "lcmht.svm.least_margin", Value::Double(0.0));
+    let said = (0..10).map(|_| look(&mut session, 20).0).find(|said| said.reacquired).expect("it is found again");
+    assert!(said.rect.iou(&target(20)) > 0.6, "{said:?}");
+    for n in 21..30 {
+        let (said, cols) = look(&mut session, n);
+        assert!(said.state == State::Tracking && said.rect.iou(&target(n)) > 0.6, "{n}: {said:?}");
+        assert_eq!(cols, 32);
     }
 }
 

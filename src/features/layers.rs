@@ -128,6 +128,11 @@ impl Extractor {
         layer
     }
 
+    /// Goes on with another network, which gives the same maps as the one before.
+    pub fn use_network(&mut self, cnn: &SharedCnn) {
+        self.cnn = Some(cnn.clone());
+    }
+
     /// Channels of all layers together.
     pub fn channels(&self) -> usize {
         self.layers.iter().map(|layer| layer.channels).sum()

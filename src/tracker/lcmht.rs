@@ -40,9 +40,9 @@ use crate::features::cnn::SharedCnn;
 use crate::frame::{Frame, MIN_TARGET_SIDE};
 use crate::geometry::Rect;
 use crate::learn::svm::SvmParams;
-use crate::params::{LcmhtParams, LcmhtSvm, Params};
+use crate::params::{LcmhtParams, LcmhtScale, LcmhtSvm, Params};
 use crate::trace::{Proposal, Stage, Trace};
-use appearance::{Answer, Appearance, network_settings, reshapes};
+use appearance::{Answer, Appearance, network_settings};
 use confidence::Confidence;
 use motion::Motion;
 use neighbours::Neighbours;
@@ -132,10 +132,10 @@ impl Tracker for Lcmht {
     fn step(&mut self, frame: &Frame, dt: f64, _: &mut NewId, trace: &mut dyn Trace) {
         let Self { params, seed, cropper, cnn, targets } = self;
         for target in targets.iter_mut() {
-            if target.is_outdated(params) && target.confidence.state() == State::Tracking {
-                target.reshape(params, cnn.clone(), *seed, frame, cropper, dt);
-            }
             target.step(frame, cropper, dt, trace);
+            if target.params != *params && target.confidence.state() == State::Tracking {
+                target.remake(params, cnn.clone(), *seed, frame, cropper);
+            }
         }
     }
 
@@ -146,7 +146,7 @@ impl Tracker for Lcmht {
     fn retune(&mut self, params: &Params) -> Result<(), NetworkError> {
         self.cnn = appearance::network(&params.lcmht, self.cnn.as_ref())?;
         self.params = params.lcmht.clone();
-        self.targets.iter_mut().for_each(|target| target.retune(&self.params));
+        self.targets.iter_mut().for_each(|target| target.retune(&self.params, self.cnn.as_ref()));
         Ok(())
     }
 }
@@ -182,10 +182,8 @@ impl Followed {
         rect: Rect,
     ) -> Self {
         let (appearance, response) = Appearance::new(params, cnn, frame, cropper, &rect);
-        let mut scale = ScaleFilter::new(&rect, params.scale.step, params.scale.area);
-        scale.learn(frame, cropper, &rect, 1.0);
-        let mut detector = Detector::new(detector_settings(&params.svm), &rect, seed);
-        detector.learn(frame, cropper, &rect);
+        let scale = scale_filter(params, frame, cropper, &rect);
+        let detector = detector(params, seed, frame, cropper, &rect);
         Self {
             id,
             rect,
@@ -413,43 +411,65 @@ impl Followed {
         self.age.is_multiple_of(self.params.filter.interval as u32)
     }
 
-    fn retune(&mut self, params: &LcmhtParams) {
+    /// Takes over parameters. What filters and detector are made of waits until they can be made anew: see
+    /// [`remake`](Self::remake).
+    fn retune(&mut self, params: &LcmhtParams, cnn: Option<&SharedCnn>) {
         self.confidence.retune(&params.confidence);
         self.neighbours.retune(&params.neighbours);
-        self.detector.retune(detector_settings(&params.svm));
         self.motion.retune(&params.motion, &params.phd, &self.rect);
-        if !self.is_outdated(params) {
-            self.appearance.retune(&params.filter);
-            self.params = params.clone();
-        }
+        self.detector.retune(detector_settings(&params.svm));
+        let taken = with_made(&self.params, params);
+        self.appearance.retune(&taken, cnn.filter(|_| taken.cnn == params.cnn));
+        self.params = taken;
     }
 
-    /// Whether these parameters need other filters than there are.
-    fn is_outdated(&self, params: &LcmhtParams) -> bool {
-        let own = &self.params;
-        reshapes(own, params)
-            || own.scale.step != params.scale.step
-            || own.scale.area != params.scale.area
-            || own.svm.template_cells != params.svm.template_cells
-    }
-
-    /// Builds all filters anew for other parameters, from the target where it is now.
-    fn reshape(
+    /// Makes anew what changed parameters ask for, from the target as it is in this frame, which is certain.
+    fn remake(
         &mut self,
         params: &LcmhtParams,
         cnn: Option<SharedCnn>,
         seed: u64,
         frame: &Frame,
         cropper: &mut Cropper,
-        dt: f64,
     ) {
-        let expected = inside(self.motion.predict(self.rect.centre(), dt), frame);
-        let size = self.rect.size();
-        self.appearance.look(frame, cropper, expected, size, self.turn.degrees());
-        let found = self.appearance.best(|place| self.motion.prior(expected, place));
-        let (age, rect) = (self.age, Rect::around(inside(found.centre, frame), size));
-        *self = Self { age, ..Self::new(self.id.clone(), params, cnn, seed, frame, cropper, rect) };
+        let made = std::mem::replace(&mut self.params, params.clone());
+        if appearance::with_made(&made, params) != *params {
+            let (appearance, response) = Appearance::new(params, cnn, frame, cropper, &self.rect);
+            self.appearance = appearance;
+            self.turn = Turn::upright();
+            let worth = self.confidence.remake(response);
+            (self.response, self.judged) = (self.response * worth, self.judged * worth);
+        }
+        if made.scale != params.scale {
+            self.scale = scale_filter(params, frame, cropper, &self.rect);
+        }
+        if made.svm.template_cells != params.svm.template_cells {
+            self.detector = detector(params, seed, frame, cropper, &self.rect);
+        }
     }
+}
+
+/// `params`, but what filters and detector are made of as it is in `made`.
+fn with_made(made: &LcmhtParams, params: &LcmhtParams) -> LcmhtParams {
+    LcmhtParams {
+        scale: LcmhtScale { learning_rate: params.scale.learning_rate, ..made.scale.clone() },
+        svm: LcmhtSvm { template_cells: made.svm.template_cells, ..params.svm.clone() },
+        ..appearance::with_made(made, params)
+    }
+}
+
+/// A scale filter that has learned the target in `rect`.
+fn scale_filter(params: &LcmhtParams, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> ScaleFilter {
+    let mut filter = ScaleFilter::new(rect, params.scale.step, params.scale.area);
+    filter.learn(frame, cropper, rect, 1.0);
+    filter
+}
+
+/// A detector that has learned the target in `rect`.
+fn detector(params: &LcmhtParams, seed: u64, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> Detector {
+    let mut detector = Detector::new(detector_settings(&params.svm), rect, seed);
+    detector.learn(frame, cropper, rect);
+    detector
 }
 
 fn detector_settings(svm: &LcmhtSvm) -> online::Settings {

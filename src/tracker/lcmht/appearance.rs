@@ -13,7 +13,7 @@ use crate::features::cnn::{self, Cnn, SharedCnn};
 use crate::features::layers::{Extractor, Feature, LayerSpec, Source};
 use crate::frame::Frame;
 use crate::geometry::{Rect, turned};
-use crate::params::{LcmhtAugment, LcmhtCnn, LcmhtFilter, LcmhtLayers, LcmhtParams, WindowShape};
+use crate::params::{LcmhtCnn, LcmhtFilter, LcmhtLayers, LcmhtParams, WindowShape};
 use crate::trace::{ResponseMap, Trace};
 
 /// Local maxima of a response map that are weighed against the motion model.
@@ -98,9 +98,13 @@ impl Appearance {
         (appearance, response)
     }
 
-    /// Takes over rates. What shapes the filter needs a new [`Appearance`]: see [`reshapes`].
-    pub(in crate::tracker) fn retune(&mut self, settings: &LcmhtFilter) {
-        self.settings = settings.clone();
+    /// Takes over parameters that [`with_made`] lets through, and what runs the network by now.
+    pub(in crate::tracker) fn retune(&mut self, params: &LcmhtParams, cnn: Option<&SharedCnn>) {
+        self.settings = params.filter.clone();
+        self.filters.retune(&params.cnn);
+        if let Some(cnn) = cnn {
+            self.extractor.use_network(cnn);
+        }
     }
 
     /// Looks for a target of size `size` around `centre`, in a picture turned by `turn` degrees clockwise: fills the sample
@@ -239,22 +243,18 @@ pub(in crate::tracker) fn network_settings(params: &LcmhtParams) -> Option<cnn::
     params.cnn.enabled.then(|| cnn::Settings::new(&params.cnn))
 }
 
-/// Whether a change of parameters needs a new filter: all but the rates do.
-pub(in crate::tracker) fn reshapes(old: &LcmhtParams, new: &LcmhtParams) -> bool {
-    shape(old) != shape(new)
-}
-
-/// The parameters without what may change under a filter.
-fn shape(params: &LcmhtParams) -> (LcmhtFilter, &LcmhtAugment, &LcmhtLayers, &LcmhtCnn) {
-    let rates = LcmhtFilter {
-        learning_rate: 0.0,
-        interval: 1,
-        steps: 1,
-        subcell: false,
-        recrop: false,
-        ..params.filter.clone()
-    };
-    (rates, &params.augment, &params.layers, &params.cnn)
+/// `params`, but what an [`Appearance`] is made of as it is in `made`: what may change under it are rates, what the paper leaves
+/// open, and what runs the network.
+pub(in crate::tracker) fn with_made(made: &LcmhtParams, params: &LcmhtParams) -> LcmhtParams {
+    let LcmhtFilter { learning_rate, interval, steps, subcell, recrop, .. } = params.filter;
+    let LcmhtCnn { share, inference, threads, .. } = params.cnn;
+    LcmhtParams {
+        filter: LcmhtFilter { learning_rate, interval, steps, subcell, recrop, ..made.filter.clone() },
+        cnn: LcmhtCnn { share, inference, library: params.cnn.library.clone(), threads, ..made.cnn.clone() },
+        layers: made.layers.clone(),
+        augment: made.augment.clone(),
+        ..params.clone()
+    }
 }
 
 fn search_window(settings: &LcmhtFilter, centre: [f64; 2], size: [f64; 2]) -> Rect {

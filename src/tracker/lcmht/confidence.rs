@@ -47,6 +47,13 @@ impl Confidence {
         self.settings = settings.clone();
     }
 
+    /// Another filter answers from now on, whose training sample got `response`. Gives what a response of the filter before
+    /// is worth in responses of this one.
+    pub(in crate::tracker) fn remake(&mut self, response: f64) -> f64 {
+        let before = std::mem::replace(&mut self.reference, (FIRST_SHARE * response).max(LEAST_REFERENCE));
+        self.reference / before
+    }
+
     /// The state after the last frame.
     pub(in crate::tracker) fn state(&self) -> State {
         self.state

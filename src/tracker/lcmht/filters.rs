@@ -100,6 +100,15 @@ impl Filters {
         }
     }
 
+    /// Takes over the share of the network's filter, where it has one of its own.
+    pub(super) fn retune(&mut self, cnn: &LcmhtCnn) {
+        if let Self::Masked(parts) = self
+            && let [hand_crafted, network] = parts.as_mut_slice()
+        {
+            (hand_crafted.share, network.share) = ((1.0 - cnn.share) as f32, cnn.share as f32);
+        }
+    }
+
     /// Learns a later sample at the rates that the settings give.
     pub(super) fn learn(&mut self, fft: &mut Fft2, sample: &Sample, settings: &LcmhtFilter) {
         let rate = settings.learning_rate as f32;
