@@ -271,6 +271,39 @@ fn evaluation_scores_what_it_can_and_reports_what_it_cannot() {
 }
 
 #[test]
+fn a_reader_of_rows_who_leaves_takes_no_pictures_away() {
+    let dir = sequence();
+    let pictures = dir.path().join("pictures");
+    let mut track = Command::new(env!("CARGO_BIN_EXE_track"))
+        .arg(dir.path())
+        .args(["--annotate", pictures.to_str().unwrap()])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    drop(track.stdout.take());
+    assert!(track.wait().unwrap().success());
+    assert_eq!(std::fs::read_dir(&pictures).unwrap().count(), FRAMES);
+}
+
+/// A sequence that cannot be read takes nothing from the others.
+#[test]
+fn a_report_is_made_of_what_can_be_read() {
+    let dir = dataset();
+    let images = std::fs::read_dir(dir.path().join("late/img")).unwrap();
+    images.for_each(|image| std::fs::write(image.unwrap().path(), "no image").unwrap());
+    let report = dir.path().join("report");
+    let output = evaluate(dir.path(), &["--report", report.to_str().unwrap()]);
+    assert_refused(&output, 1, "error: late: ");
+    assert!(stdout(&output).starts_with("lcmht\n"), "{}", stdout(&output));
+    let sequences = json(&report.join("results.json"))["setups"][0]["sequences"].clone();
+    assert_eq!(sequences.as_array().unwrap().len(), 1);
+    assert_eq!(sequences[0]["name"], "walk");
+    let page = std::fs::read_to_string(report.join("index.html")).unwrap();
+    assert!(page.contains("walk") && page.ends_with("</html>\n"), "{}", page.len());
+}
+
+#[test]
 fn each_parameter_file_is_scored_by_itself_and_single_values_win() {
     let dir = dataset();
     let write = |name: &str, values: &str| {

@@ -71,7 +71,8 @@ pub struct Args {
     /// worst moments of the first table; and the figures as DIR/results.json.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
-    /// Writes the boxes as DIR/SEQUENCE.csv, or DIR/SETUP/SEQUENCE.csv where there are several parameter files: the
+    /// Writes the boxes as DIR/SEQUENCE.csv, or DIR/SETUP/SEQUENCE.csv where there are several algorithms or parameter
+    /// files: the
     /// columns of track and the overlap with the true box; and a times.csv, so that --peer reads them again.
     #[arg(long, value_name = "DIR")]
     boxes: Option<PathBuf>,
@@ -103,7 +104,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<(), Error> {
         write_boxes(folder, done)?;
     }
     let theirs: Vec<Done> = peers.iter().map(|runs| given(&sequences, runs)).collect();
-    let hard = if args.report.is_some() { hard(&sequences, limit)? } else { Vec::new() };
+    let hard = if args.report.is_some() { hard(&sequences, limit) } else { Vec::new() };
     let tables = setups.iter().zip(&ours).map(|(s, done)| Table::new(&s.name, Some(&s.params), done, &hard));
     let peers = args.peers.iter().zip(&theirs).map(|(peer, done)| Table::new(&peer.name, None, done, &hard));
     let setups = tables.chain(peers).collect();
@@ -113,15 +114,15 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<(), Error> {
     if let (Some(file), Some(path)) = (json, &args.json) {
         write_json(file, &report).map_err(|why| Error::Write { to: path.display().to_string(), why })?;
     }
-    if let Some(folder) = &args.report {
-        let first = ours.first().or(theirs.first()).into_iter().flatten();
-        page::write(folder, &report, &first.map(|(sequence, runs)| (*sequence, runs[0])).collect::<Vec<_>>())?;
-    }
     match write!(out, "{report}").and_then(|()| out.flush()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
             return Err(Error::Write { to: "standard output".to_owned(), why: e.to_string() });
         }
         _ => {}
+    }
+    if let Some(folder) = &args.report {
+        let first = ours.first().or(theirs.first()).into_iter().flatten();
+        page::write(folder, &report, &first.map(|(sequence, runs)| (*sequence, runs[0])).collect::<Vec<_>>())?;
     }
     match sequences.len() * report.setups.iter().filter(|t| !t.peer).count() {
         runs if runs > done => Err(Error::Sequences { failed: runs - done, runs }),
@@ -150,10 +151,16 @@ fn given<'a>(sequences: &'a [Sequence], runs: &'a [Option<Run>]) -> Done<'a> {
     sequences.iter().zip(runs).filter_map(|(sequence, run)| Some((sequence, vec![run.as_ref()?]))).collect()
 }
 
-/// What makes the sequences hard.
-fn hard(sequences: &[Sequence], limit: usize) -> Result<Vec<Hard>, Error> {
-    let of = |sequence| Ok((sequence, attributes::of(sequence, limit).map_err(Error::Read)?));
-    Ok(Hard::sort(&sequences.iter().map(of).collect::<Result<Vec<_>, Error>>()?))
+/// What makes the sequences hard. Of one that cannot be read that is not known, which is told.
+fn hard(sequences: &[Sequence], limit: usize) -> Vec<Hard> {
+    let of = |sequence| match attributes::of(sequence, limit) {
+        Ok(attributes) => Some((sequence, attributes)),
+        Err(error) => {
+            eprintln!("error: {}: {error}", sequence.name);
+            None
+        }
+    };
+    Hard::sort(&sequences.iter().filter_map(of).collect::<Vec<_>>())
 }
 
 /// Every algorithm with every file.

@@ -104,7 +104,8 @@ pub fn run(args: &Args) -> Result<(), Error> {
             processing = watch.0.end();
         }
         frames += 1;
-        if !rows.write(frames, session.output())? {
+        // Nobody may read the rows any more, but what else was asked for is made to its end.
+        if !rows.write(frames, session.output())? && bag.is_none() && pictures.is_none() {
             return Ok(());
         }
         if let Some(bag) = &mut bag {
