@@ -34,7 +34,7 @@ fn trained(rng: &mut ChaCha8Rng, count: usize) -> Svm {
 
 fn benches(c: &mut Criterion) {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let svm = trained(&mut rng, 200);
+    let mut svm = trained(&mut rng, 200);
     let support = (0..svm.len()).filter(|&i| svm.example(i).alpha > 0.0).count();
     eprintln!("{} kept, {support} support vectors, {} solved from scratch", svm.len(), svm.resolves());
     for count in [400, 1000] {

@@ -152,8 +152,9 @@ fn learning_a_target_allocates_nothing_once_warm() {
 /// Frames in which the target is looked for in a turned picture as well.
 #[test]
 fn looking_for_a_turned_target_allocates_nothing_once_warm() {
-    let (always, network) = (Value::Double(10.0), Value::Bool(false));
-    follow_without_allocating(&[("lcmht.turn.below", &always), ("lcmht.cnn.enabled", &network)], 0.7);
+    let (on, always, network) = (Value::Bool(true), Value::Double(10.0), Value::Bool(false));
+    let turns = [("lcmht.turn.enabled", &on), ("lcmht.turn.below", &always), ("lcmht.turn.aspect", &always)];
+    follow_without_allocating(&[&turns[..], &[("lcmht.cnn.enabled", &network)]].concat(), 0.7);
 }
 
 #[test]
@@ -168,6 +169,31 @@ fn following_a_target_by_particles_allocates_nothing_once_warm() {
 fn following_a_target_by_its_motion_allocates_nothing_once_warm() {
     let (algorithm, most) = (Value::String("maptrack".into()), Value::Integer(0));
     follow_without_allocating(&[("algorithm", &algorithm), ("maptrack.find.most", &most)], 0.5);
+}
+
+/// Frames in which the detector scans for a target that is gone. The library's matrix product takes a buffer for each block
+/// of windows: of so small a target, one a frame.
+#[test]
+fn searching_for_a_lost_target_allocates_nothing_of_ours_once_warm() {
+    let network = Value::Bool(false);
+    let params = Params::default().with([("lcmht.cnn.enabled", &network)], Phase::StartUp).unwrap();
+    let mut session = Session::new(params).unwrap();
+    let there: Vec<Vec<u8>> = (0..40).map(scene).collect();
+    let frame = |data| Frame::new(data, 160, 120, 480, Encoding::Rgb8, None).unwrap();
+    session.start(&frame(&there[0]), Rect::new(40.0, 44.0, 32.0, 32.0), &mut ()).unwrap();
+    there[1..].iter().for_each(|data| _ = session.step(&frame(data), &mut ()));
+    // Stripes: a ground with something in it, but not the square.
+    let ground: Vec<u8> = (0..160 * 120).flat_map(|i| [90, 45 + (i / 160 % 7 * 9) as u8, 165]).collect();
+    for _ in 0..40 {
+        session.step(&frame(&ground), &mut ());
+    }
+    const SEARCHED: usize = 30;
+    let count = allocations(|| {
+        for _ in 0..SEARCHED {
+            assert_eq!(session.step(&frame(&ground), &mut ()).targets[0].state, State::Lost);
+        }
+    });
+    assert!(count <= SEARCHED, "{count}");
 }
 
 /// Follows the square with these parameters to the end, where the box is to overlap it by more than `overlap`.

@@ -15,7 +15,7 @@ use crate::features::luv::{self, Luv};
 use crate::features::{CELL, FeatureMap};
 use crate::frame::Frame;
 use crate::geometry::Rect;
-use crate::learn::svm::{Svm, SvmParams};
+use crate::learn::svm::{BLOCK, Svm, SvmParams};
 use crate::trace::Proposal;
 
 /// Cells around the template that are computed and dropped, so that block normalisation and gradients see the same
@@ -60,7 +60,7 @@ pub struct Detector {
     rows: usize,
     cols: usize,
     grid: Grid,
-    /// Feature vectors of all windows of a scan, `windows x dim`.
+    /// Feature vectors of a block of windows of a scan, `windows x dim`.
     candidates: Vec<f32>,
     places: Vec<Rect>,
     scores: Vec<f64>,
@@ -163,6 +163,7 @@ impl Detector {
         self.grid.compute(frame, cropper, target, template, self.settings.scan_extent);
         self.candidates.clear();
         self.places.clear();
+        self.scores.clear();
         let (width, height) = (f64::from(frame.width()), f64::from(frame.height()));
         for window in 0..self.grid.across * self.grid.down {
             let place = self.grid.place(window, template);
@@ -170,11 +171,12 @@ impl Detector {
             if (0.0..width).contains(&x) && (0.0..height).contains(&y) {
                 self.grid.append(window, template, &mut self.candidates);
                 self.places.push(place);
+                if self.places.len() - self.scores.len() == BLOCK {
+                    self.score();
+                }
             }
         }
-        self.scores.clear();
-        self.scores.resize(self.places.len(), 0.0);
-        self.svm.margins(&self.candidates, &mut self.scores);
+        self.score();
         self.order.clear();
         self.order.extend(0..self.places.len());
         self.order.sort_unstable_by(|&a, &b| self.scores[b].total_cmp(&self.scores[a]).then(a.cmp(&b)));
@@ -186,6 +188,14 @@ impl Detector {
                 proposals.push(Proposal { rect: self.places[i], score: self.scores[i] });
             }
         }
+    }
+
+    /// Scores the candidates, those of the last places.
+    fn score(&mut self) {
+        let scored = self.scores.len();
+        self.scores.resize(self.places.len(), 0.0);
+        self.svm.margins(&self.candidates, &mut self.scores[scored..]);
+        self.candidates.clear();
     }
 
     /// Fills `example` with the feature vector of what `place` shows.

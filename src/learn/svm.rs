@@ -15,6 +15,7 @@ mod score;
 mod smo;
 mod state;
 
+pub use score::BLOCK;
 pub use state::Set;
 
 use gram::Gram;
@@ -62,13 +63,16 @@ pub struct Svm {
     /// Running number of each kept example: the smaller, the older.
     births: Vec<u64>,
     next_birth: u64,
+    scorer: Scorer,
+    /// Whether the scorer has what is learned by now.
+    packed: bool,
 }
 
 impl Svm {
     /// A classifier without examples for feature vectors of `dim` numbers.
     pub fn new(dim: usize, params: SvmParams) -> Self {
         let state = State::new(Gram::new(dim, params.gamma), params.c);
-        Self { params, state, births: Vec::new(), next_birth: 0 }
+        Self { params, state, births: Vec::new(), next_birth: 0, scorer: Scorer::default(), packed: false }
     }
 
     /// Numbers of a feature vector.
@@ -124,6 +128,7 @@ impl Svm {
     /// If `x` has another length.
     pub fn add(&mut self, x: &[f32], positive: bool) {
         assert_eq!(x.len(), self.dim(), "feature vector of another length");
+        self.packed = false;
         self.state.learn(x, if positive { 1.0 } else { -1.0 });
         self.births.push(self.next_birth);
         self.next_birth += 1;
@@ -132,6 +137,7 @@ impl Svm {
 
     /// Unlearns the example at `index < len()`, as if it had never been added. The last example takes its index.
     pub fn remove(&mut self, index: usize) {
+        self.packed = false;
         self.state.unlearn(index);
         self.births.swap_remove(index);
     }
@@ -143,6 +149,7 @@ impl Svm {
 
     /// Solves the problem of the kept examples anew for other settings, and drops what they do not allow to keep.
     pub fn retune(&mut self, params: SvmParams) {
+        self.packed = false;
         if params.gamma != self.params.gamma {
             self.state.gram.set_gamma(params.gamma);
         }
@@ -164,16 +171,19 @@ impl Svm {
 
     /// Writes the decision values of the rows of `xs`, row-major `out.len() x dim()`, to `out`.
     ///
-    /// Many at once are far faster than one by one. Dot products are single precision: relative to
+    /// Many at once are far faster than one by one; more than [`BLOCK`] gain nothing. Dot products are single precision: relative to
     /// [`margin`](Self::margin), squared distances are off by about 1e-7 of the squared lengths.
     ///
     /// # Panics
     /// If the lengths do not match.
-    pub fn margins(&self, xs: &[f32], out: &mut [f64]) {
+    pub fn margins(&mut self, xs: &[f32], out: &mut [f64]) {
         assert_eq!(xs.len(), out.len() * self.dim(), "candidates of another length");
-        let state = &self.state;
-        let weights = state.labels.iter().zip(&state.alphas).map(|(y, a)| y * a);
-        Scorer::new(&state.gram, weights, state.bias).decide(xs, out);
+        if !std::mem::replace(&mut self.packed, true) {
+            let state = &self.state;
+            let weights = state.labels.iter().zip(&state.alphas).map(|(y, a)| y * a);
+            self.scorer.pack(&state.gram, weights, state.bias);
+        }
+        self.scorer.decide(xs, out);
     }
 
     fn trim(&mut self) {

@@ -188,7 +188,7 @@ fn the_order_does_not_matter_and_removal_undoes() {
 
 #[test]
 fn a_batch_of_candidates_scores_as_single_ones() {
-    let svm = learned(&clouds(3, 80, 37, 0.4, 0.3), params(2.0, 0.05));
+    let mut svm = learned(&clouds(3, 80, 37, 0.4, 0.3), params(2.0, 0.05));
     for count in [1, 7, 300] {
         let candidates = clouds(4, count, 37, 0.4, 0.5);
         let rows: Vec<f32> = candidates.iter().flat_map(|(x, _)| x.iter().copied()).collect();
@@ -197,6 +197,9 @@ fn a_batch_of_candidates_scores_as_single_ones() {
         for ((x, _), f) in candidates.iter().zip(out) {
             assert!((svm.margin(x) - f).abs() < 1e-5);
         }
+        // What is learned or unlearned in between counts.
+        svm.add(&rows[..37], count != 7);
+        svm.remove(0);
     }
 }
 
