@@ -91,17 +91,23 @@ group! {
     }
 }
 
+/// What intensities may be reduced and divided by: single precision holds what comes of it.
+const GREATEST_INPUT: f64 = 1e6;
+const LEAST_SCALE: f64 = 1e-6;
+
 impl LcmhtCnn {
     /// Checks that the lists are as long as they must be and hold what they may.
     fn check(&self) -> Result<(), ParamsError> {
         let wrong = |text: String| Err(ParamsError::Conflict(text));
         for (name, values) in [("mean", &self.mean), ("scale", &self.scale)] {
-            if values.len() != 3 || values.iter().any(|v| !v.is_finite()) {
-                return wrong(format!("lcmht.cnn.{name} must hold 3 finite numbers, got {values:?}"));
+            if values.len() != 3 || values.iter().any(|v| v.is_nan() || v.abs() > GREATEST_INPUT) {
+                return wrong(format!(
+                    "lcmht.cnn.{name} must hold 3 numbers of at most {GREATEST_INPUT}, got {values:?}"
+                ));
             }
         }
-        if self.scale.iter().any(|&v| v <= 0.0) {
-            return wrong(format!("lcmht.cnn.scale must hold numbers above 0, got {:?}", self.scale));
+        if self.scale.iter().any(|&v| v < LEAST_SCALE) {
+            return wrong(format!("lcmht.cnn.scale must hold numbers of at least {LEAST_SCALE}, got {:?}", self.scale));
         }
         let count = self.outputs.len();
         if count == 0 {

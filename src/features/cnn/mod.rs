@@ -27,7 +27,10 @@ use crate::error::NetworkError;
 use crate::frame::Frame;
 use crate::geometry::Rect;
 
-/// A network that successive trackers of one session use, one at a time.
+/// The intensity of the image that a network is tried out on.
+const GREY: f32 = 128.0;
+
+/// A network that all targets of a tracker use, one at a time.
 pub type SharedCnn = Arc<Mutex<Cnn>>;
 
 /// The network behind the lock; nobody else uses it while a tracker does.
@@ -43,15 +46,18 @@ pub struct Cnn {
     /// The input, `3 x side x side`.
     image: Vec<f32>,
     maps: Vec<FeatureMap>,
+    /// Whether the last run failed.
+    failed: bool,
 }
 
 impl Cnn {
-    /// Loads the network and tries it out.
+    /// Loads the network and tries it out on a grey image.
     pub fn load(settings: Settings) -> Result<Self, NetworkError> {
-        let image = vec![0.0; 3 * settings.side * settings.side];
+        let grey = |(mean, scale): (&f32, &f32)| vec![(GREY - mean) / scale; settings.side * settings.side];
+        let image = settings.mean.iter().zip(&settings.scale).flat_map(grey).collect::<Vec<f32>>();
         let mut maps = vec![FeatureMap::default(); settings.outputs.len()];
         let network = load(&settings, &image, &mut maps)?;
-        Ok(Self { settings, network, patch: Patch::default(), image, maps })
+        Ok(Self { settings, network, patch: Patch::default(), image, maps, failed: false })
     }
 
     /// What it was loaded by.
@@ -59,12 +65,18 @@ impl Cnn {
         &self.settings
     }
 
-    /// Computes the maps of what `window` shows. A run that fails leaves the last maps; it is logged.
+    /// Computes the maps of what `window` shows. A run that fails leaves maps of zeros, to which nothing answers; the first of
+    /// several in a row is logged.
     pub fn compute(&mut self, frame: &Frame, window: &Rect, cropper: &mut Cropper) {
         cropper.crop(frame, window, self.settings.side, self.settings.side, &mut self.patch);
         self.prepare();
-        if let Err(why) = self.network.run(&self.image, self.settings.side, &mut self.maps) {
-            log::error!("network {}: {why}", self.settings.name());
+        let ran = self.network.run(&self.image, self.settings.side, &mut self.maps);
+        let failed_before = std::mem::replace(&mut self.failed, ran.is_err());
+        if let Err(why) = ran {
+            self.maps.iter_mut().for_each(|map| map.data.fill(0.0));
+            if !failed_before {
+                log::error!("network {}: {why}", self.settings.name());
+            }
         }
     }
 
