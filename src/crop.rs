@@ -49,10 +49,11 @@ impl Patch {
         }
     }
 
-    /// Turns it about its middle, `degrees` clockwise. The border pixels go on. `spare` is room for a plane.
-    fn turn(&mut self, degrees: f64, spare: &mut Vec<u8>) {
+    /// Turns what it shows about its middle, `degrees` clockwise, each of its pixels being `aspect` times as high as wide. The
+    /// border pixels go on. `spare` is room for a plane.
+    fn turn(&mut self, degrees: f64, aspect: f64, spare: &mut Vec<u8>) {
         let middle = [self.width, self.height].map(|side| (side as f32 - 1.0) / 2.0);
-        self.planes.iter_mut().for_each(|plane| turn_about(plane, self.width, middle, degrees, spare));
+        self.planes.iter_mut().for_each(|plane| turn_about(plane, self.width, middle, degrees, aspect, spare));
     }
 
     /// Gives it a size and so many planes; what they hold is not defined.
@@ -65,15 +66,22 @@ impl Patch {
     }
 }
 
-/// Turns a row-major plane of this width about a place, `[column, row]`, by `degrees` clockwise. Its border goes on. `spare`
-/// is room for another plane.
-pub(crate) fn turn_about<T>(plane: &mut Vec<T>, width: usize, about: [f32; 2], degrees: f64, spare: &mut Vec<T>)
-where
+/// Turns what a row-major plane of this width shows about a place, `[column, row]`, by `degrees` clockwise, each of its pixels
+/// being `aspect` times as high as wide. Its border goes on. `spare` is room for another plane.
+pub(crate) fn turn_about<T>(
+    plane: &mut Vec<T>,
+    width: usize,
+    about: [f32; 2],
+    degrees: f64,
+    aspect: f64,
+    spare: &mut Vec<T>,
+) where
     T: Primitive + Clamp<f32> + Into<f32> + Send + Sync,
     Luma<T>: Pixel<Subpixel = T> + Send + Sync,
 {
-    let [x, y] = about;
+    let ([x, y], aspect) = (about, aspect as f32);
     let turn = Projection::rotate(degrees.to_radians() as f32);
+    let turn = Projection::scale(1.0, 1.0 / aspect) * turn * Projection::scale(1.0, aspect);
     let turn = Projection::translate(x, y) * turn * Projection::translate(-x, -y);
     let (width, height) = (width as u32, (plane.len() / width) as u32);
     let image = |data| ImageBuffer::<Luma<T>, _>::from_raw(width, height, data).expect("a plane has a value a pixel");
@@ -192,7 +200,7 @@ impl Cropper {
         for (out, plane) in patch.planes.iter_mut().zip(Plane::COLOURS) {
             self.resample(frame, plane, out);
         }
-        self.finish(patch);
+        self.finish(window, patch);
     }
 
     /// Fills `patch` likewise with a single plane, the luma: a third of the work where colour does not matter.
@@ -200,7 +208,7 @@ impl Cropper {
         patch.resize(width, height, 1);
         self.plan(frame, window, width, height);
         self.resample(frame, Plane::Luma, &mut patch.planes[0]);
-        self.finish(patch);
+        self.finish(window, patch);
     }
 
     /// What `work` crops is altered.
@@ -211,12 +219,13 @@ impl Cropper {
         done
     }
 
-    fn finish(&mut self, patch: &mut Patch) {
+    fn finish(&mut self, window: &Rect, patch: &mut Patch) {
         if self.alteration.mirrored {
             patch.mirror();
         }
         if self.alteration.turn != 0.0 {
-            patch.turn(self.alteration.turn, &mut self.spare);
+            let aspect = window.h / patch.height as f64 * (patch.width as f64 / window.w);
+            patch.turn(self.alteration.turn, aspect, &mut self.spare);
         }
     }
 
@@ -324,10 +333,30 @@ mod tests {
     }
 
     #[test]
+    fn what_a_patch_of_oblong_pixels_shows_is_turned_and_not_the_patch() {
+        let view = |data: &[u8], width: usize, turn: f64| {
+            let frame = Frame::new(data, 40, 40, 40, Encoding::Mono8, None).unwrap();
+            let mut patch = Patch::default();
+            let alteration = Alteration { turn, ..Alteration::default() };
+            let whole = frame.bounds();
+            Cropper::default().altered(alteration, |cropper| cropper.crop(&frame, &whole, width, 40, &mut patch));
+            patch
+        };
+        // A smooth bar that goes across, in pixels half as wide as they are high: turned by a quarter it goes down.
+        let bar: Vec<u8> =
+            (0..40 * 40).map(|i| (250.0 * (-((i / 40) as f64 - 19.5).powi(2) / 40.0).exp()) as u8).collect();
+        let (across, down) = (view(&bar, 80, 0.0), view(&bar, 80, 90.0));
+        for i in 12..28 {
+            let (got, wanted) = (down.rgb(2 * i, 20)[0], across.rgb(40, i)[0]);
+            assert!(got.abs_diff(wanted) < 12, "{i}: {got} {wanted}");
+        }
+    }
+
+    #[test]
     fn a_plane_turned_by_a_quarter_has_its_left_at_the_top() {
         let map: Vec<f32> = (0..25).map(|i| (i * i % 17) as f32).collect();
         let mut turned = map.clone();
-        turn_about(&mut turned, 5, [2.0, 2.0], 90.0, &mut Vec::new());
+        turn_about(&mut turned, 5, [2.0, 2.0], 90.0, 1.0, &mut Vec::new());
         for (i, value) in turned.iter().enumerate() {
             let (r, c) = (i / 5, i % 5);
             assert!((value - map[(4 - c) * 5 + r]).abs() < 1e-4, "{r} {c}");

@@ -29,7 +29,7 @@ pub struct Settings {
     pub memory: usize,
     /// Weight that the first sample never falls below.
     pub first_weight: f32,
-    /// Weight of the filter's norm, relative to the mean energy of a sample's channels.
+    /// Weight of the filter's norm, relative to the energy of the first sample's spectra as [`MaskedFilter`] sums it.
     pub regularisation: f32,
 }
 
@@ -232,7 +232,8 @@ impl MaskedFilter {
         fft.inverse(&self.solver.sums, response);
     }
 
-    /// Mean energy of the first sample's channels over the cells: the scale of the normal equations.
+    /// The scale of the normal equations: the energy of the first sample's spectra, over the bins that are kept (half of them,
+    /// for maps are real), divided by channels and cells. That is about half of what a channel's cells hold together.
     fn energy(&self, fft: &Fft2) -> f32 {
         let first = &self.samples[..self.solver.product.len()];
         let sum: f32 = first.iter().flat_map(|pack| pack.re.iter().chain(&pack.im)).map(|v| v * v).sum();

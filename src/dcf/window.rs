@@ -1,6 +1,6 @@
 //! Fixed maps over the search window: what fades its border, what the filter is to answer, where it may be.
 
-/// The periodic-free Hann window over `rows x cols` cells, row-major: 0 half a cell outside the border, 1 in the
+/// The Hann window over `rows x cols` cells, row-major, each with the value at its centre: 0 on the window's border, 1 in its
 /// middle.
 pub fn hann(rows: usize, cols: usize) -> Vec<f32> {
     let axis = |n: usize| -> Vec<f64> {

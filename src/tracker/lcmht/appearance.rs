@@ -20,6 +20,8 @@ use crate::trace::{ResponseMap, Trace};
 const PEAKS: usize = 8;
 /// Cells along a side of the search window, at least: fewer have no room for a label.
 const MIN_CELLS: usize = 8;
+/// Eleven probabilities sum to one: ten components hold them all.
+const COLOUR_COMPONENTS: usize = 10;
 
 /// The filter and the window that it looks through.
 pub(in crate::tracker) struct Appearance {
@@ -177,10 +179,10 @@ impl Appearance {
         Answer { centre: [x + dx, y + dy], response: f64::from(peak.value) }
     }
 
-    /// Learns the target at `centre` (eqs 4 and 8). By default the sample of the last look is shifted there; the paper
-    /// cuts it anew.
+    /// Learns the target at `centre` (eqs 4 and 8). By default the sample of the last look is shifted there, if that showed
+    /// it at all; the paper cuts it anew.
     pub(in crate::tracker) fn learn(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
-        if self.settings.recrop {
+        if self.settings.recrop || self.view.window.intersection(&Rect::around(centre, size)).area() == 0.0 {
             self.see(frame, cropper, search_window(&self.settings, centre, size), self.view.turn);
         } else {
             let View { window, turn, sample, .. } = &mut self.view;
@@ -196,11 +198,15 @@ impl Appearance {
         let Self { view: View { window, turn, response, .. }, rows, cols, shown, spare, .. } = self;
         trace.search_window(*window);
         centred(response, *rows, *cols, shown);
+        let cell = [window.w / *cols as f64, window.h / *rows as f64];
+        let middle = [*cols / 2, *rows / 2];
         if *turn != 0.0 {
-            let middle = [*cols, *rows].map(|cells| (cells / 2) as f32);
-            turn_about(shown, *cols, middle, -*turn, spare);
+            turn_about(shown, *cols, middle.map(|cells| cells as f32), -*turn, cell[1] / cell[0], spare);
         }
-        trace.response(&ResponseMap { values: shown, rows: *rows, cols: *cols, window: *window });
+        // The middle of the window is that of the cell of no displacement, not the border of two.
+        let at = |i: usize| window.centre()[i] - (middle[i] as f64 + 0.5) * cell[i];
+        let window = Rect::new(at(0), at(1), window.w, window.h);
+        trace.response(&ResponseMap { values: shown, rows: *rows, cols: *cols, window });
     }
 
     fn see(&mut self, frame: &Frame, cropper: &mut Cropper, window: Rect, turn: f64) {
@@ -300,9 +306,6 @@ fn specs(layers: &LcmhtLayers, cnn: &LcmhtCnn) -> (Vec<LayerSpec>, Vec<f32>) {
     };
     all.into_iter().filter(|(_, weight)| *weight > 0.0).map(spec).unzip()
 }
-
-/// Eleven probabilities sum to one: ten components hold them all.
-const COLOUR_COMPONENTS: usize = 10;
 
 #[cfg(test)]
 mod tests {
