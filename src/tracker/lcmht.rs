@@ -306,13 +306,14 @@ impl Followed {
         (1.0 + self.params.svm.opinion * margin).clamp(0.0, 1.0)
     }
 
-    /// Follows what looks like the target, the target itself being at `answer`. While that is certain, other peaks that
-    /// the detector takes for it as well become neighbours.
+    /// Follows what looks like the target, the target itself being at `answer` if that is certain. Then other peaks that the
+    /// detector takes for it as well become neighbours.
     fn watch_neighbours(&mut self, answer: &Answer, frame: &Frame, cropper: &mut Cropper) {
         let Self { appearance, neighbours, confidence, detector, rect, .. } = self;
         let (answers, usual, unit) = (appearance.answers(), confidence.usual(), rect.scale());
-        neighbours.follow(answers, answer.centre, usual, unit);
-        if !confidence.is_certain(answer.response) {
+        let certain = confidence.is_certain(answer.response);
+        neighbours.follow(answers, certain.then_some(answer.centre), usual, unit);
+        if !certain {
             return;
         }
         for (i, other) in answers.iter().enumerate() {
@@ -324,8 +325,9 @@ impl Followed {
         }
     }
 
-    /// Where the target is taken to be: at the answer as far as that is believed, else where it was expected. Without
-    /// the gate it is at the answer, as in the paper.
+    /// Where the target is taken to be: at the answer as far as the filter's response is believed, else where it was expected.
+    /// The detector's opinion decides whether the target is there at all, not where. Without the gate it is at the answer, as
+    /// in the paper.
     fn place(&self, answer: &Answer, expected: [f64; 2], frame: &Frame) -> [f64; 2] {
         let trust = match self.confidence.state() {
             _ if !self.params.confidence.gate => 1.0,

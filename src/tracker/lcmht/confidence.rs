@@ -10,6 +10,9 @@ use crate::tracker::State;
 /// The reference starts at this share of the response to the very sample that the filter was trained on: no later look
 /// of the target answers as well.
 const FIRST_SHARE: f64 = 0.6;
+/// Share of the reference that is left of it at least when the images become of another kind: what answers less is not the
+/// target without its colours, but something in front of it.
+const LEAST_REBASE: f64 = 0.25;
 /// Keeps the reference above zero.
 const LEAST_REFERENCE: f64 = 1e-6;
 
@@ -127,10 +130,11 @@ impl Confidence {
         self.state
     }
 
-    /// Takes what the target just got for what it usually gets from now on: the images have become of another kind.
+    /// Takes what a tracked target just got for what it usually gets from now on, or [`LEAST_REBASE`] of that: the images
+    /// have become of another kind.
     pub(in crate::tracker) fn rebase(&mut self, response: f64) {
-        if self.state != State::Lost {
-            self.reference = response.max(LEAST_REFERENCE);
+        if self.state == State::Tracking {
+            self.reference = response.max(LEAST_REBASE * self.reference).max(LEAST_REFERENCE);
         }
     }
 
@@ -209,6 +213,10 @@ mod tests {
         let usual = c.usual();
         c.rebase(0.01);
         assert_eq!((c.state(), c.usual()), (State::Lost, usual));
+        // Hidden just then, it is not measured by what hides it.
+        let mut c = confidence();
+        c.rebase(0.01);
+        assert_eq!(c.assess(0.01), State::Uncertain);
     }
 
     #[test]

@@ -91,12 +91,12 @@ impl Neighbours {
         self.established().any(|n| distance(n.centre, place) < REACH * unit)
     }
 
-    /// Follows the neighbours to the answers other than that `chosen` for the target; `usual` is the response that the
-    /// target usually gets.
-    pub(super) fn follow(&mut self, answers: &[Answer], chosen: [f64; 2], usual: f64, unit: f64) {
+    /// Follows the neighbours to the answers, other than that where the `target` is if it is anywhere: the one peak may be that
+    /// of a neighbour which hides it. `usual` is the response that the target usually gets.
+    pub(super) fn follow(&mut self, answers: &[Answer], target: Option<[f64; 2]>, usual: f64, unit: f64) {
         let least = FAINT * self.settings.response * usual;
         self.taken.clear();
-        self.taken.extend(answers.iter().map(|a| a.centre == chosen));
+        self.taken.extend(answers.iter().map(|a| Some(a.centre) == target));
         for n in &mut self.all {
             let free = (0..answers.len()).filter(|&i| !self.taken[i] && answers[i].response > least);
             let near = free.map(|i| (distance(answers[i].centre, n.centre), i)).filter(|c| c.0 < REACH * unit);
@@ -167,7 +167,7 @@ mod tests {
         for k in 0..6 {
             let seen = answers([([100.0, 100.0], 1.0), ([160.0 - 5.0 * f64::from(k), 100.0], 0.6)]);
             neighbours.predict(1.0);
-            neighbours.follow(&seen, [100.0, 100.0], 1.0, UNIT);
+            neighbours.follow(&seen, Some([100.0, 100.0]), 1.0, UNIT);
             if neighbours.is_new(1, &seen[1], [100.0, 100.0], 1.0, UNIT) {
                 neighbours.add(seen[1].centre);
             }
@@ -204,18 +204,34 @@ mod tests {
     fn one_that_is_not_seen_is_forgotten() {
         let mut neighbours = met();
         for _ in 0..PATIENCE {
-            neighbours.follow(&[], [100.0, 100.0], 1.0, UNIT);
+            neighbours.follow(&[], None, 1.0, UNIT);
             assert_eq!(neighbours.centres().count(), 1);
         }
-        neighbours.follow(&[], [100.0, 100.0], 1.0, UNIT);
+        neighbours.follow(&[], None, 1.0, UNIT);
         assert_eq!(neighbours.centres().count(), 0);
+    }
+
+    #[test]
+    fn one_that_hides_the_target_is_followed_by_the_only_peak() {
+        let mut neighbours = met();
+        for k in 6..20 {
+            let place = [160.0 - 5.0 * f64::from(k), 100.0];
+            let only = answers([(place, 0.6)]);
+            neighbours.predict(1.0);
+            neighbours.follow(&only, None, 1.0, UNIT);
+            assert!(neighbours.is_at(place, UNIT), "{k}");
+            // Where it is the target's instead, nobody else is there.
+            let mut others = met();
+            others.follow(&only, Some(place), 1.0, UNIT);
+            assert!(!others.taken.is_empty() && others.all.iter().all(|n| n.unseen == 1));
+        }
     }
 
     #[test]
     fn faint_and_close_peaks_are_no_neighbours() {
         let mut neighbours = Neighbours::new(&Params::default().lcmht.neighbours);
         let seen = answers([([100.0, 100.0], 1.0), ([160.0, 100.0], 0.2), ([104.0, 100.0], 0.6)]);
-        neighbours.follow(&seen, [100.0, 100.0], 1.0, UNIT);
+        neighbours.follow(&seen, Some([100.0, 100.0]), 1.0, UNIT);
         assert!((0..3).all(|i| !neighbours.is_new(i, &seen[i], [100.0, 100.0], 1.0, UNIT)));
     }
 }
