@@ -10,6 +10,8 @@ const HEIGHT: usize = 160;
 /// The target's side: a disc, so that its box is the same however it is turned.
 const SIDE: f64 = 40.0;
 const FRAMES: usize = 60;
+/// Scenes, each with another texture of the target.
+const SCENES: u64 = 12;
 /// Degrees a frame.
 const TURN: f64 = 12.0;
 /// Pixels along a square of the textures.
@@ -38,8 +40,7 @@ fn target(k: usize) -> Rect {
 }
 
 /// The target turned by `TURN` a frame, in front of a ground of the same kind.
-fn image(k: usize) -> Vec<u8> {
-    let (own, ground) = (Texture::new(2), Texture::new(1));
+fn image(own: &Texture, ground: &Texture, k: usize) -> Vec<u8> {
     let (sin, cos) = (TURN * k as f64).to_radians().sin_cos();
     let [x, y] = target(k).centre();
     let pixel = |i: usize| {
@@ -54,33 +55,41 @@ fn image(k: usize) -> Vec<u8> {
     (0..WIDTH * HEIGHT).map(pixel).collect()
 }
 
-/// The frames in which the box has most of the target and is said to, after the first.
+/// In how many of the `SCENES` the target is followed to the end: the box has most of it in all but a few frames, and is said
+/// to.
 fn followed(turns: bool) -> usize {
     let (turns, off) = (Value::Bool(turns), Value::Bool(false));
     let changes = [("lcmht.turn.enabled", &turns), ("lcmht.cnn.enabled", &off)];
-    let mut session = Session::new(Params::default().with(changes, Phase::StartUp).unwrap()).unwrap();
-    let mut count = 0;
-    for k in 0..FRAMES {
-        let data = image(k);
-        let frame = Frame::new(&data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
-        if k == 0 {
-            session.start(&frame, target(0), &mut ()).unwrap();
-        } else {
-            let found = &session.step(&frame, &mut ()).targets[0];
-            count += usize::from(found.state == State::Tracking && found.rect.iou(&target(k)) > 0.5);
+    let params = Params::default().with(changes, Phase::StartUp).unwrap();
+    let ground = Texture::new(0);
+    let held = |seed: u64| {
+        let own = Texture::new(seed);
+        let mut session = Session::new(params.clone()).unwrap();
+        let mut held = 0;
+        for k in 0..FRAMES {
+            let data = image(&own, &ground, k);
+            let frame = Frame::new(&data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
+            if k == 0 {
+                session.start(&frame, target(0), &mut ()).unwrap();
+            } else {
+                let found = &session.step(&frame, &mut ()).targets[0];
+                held += usize::from(found.state == State::Tracking && found.rect.iou(&target(k)) > 0.5);
+            }
         }
-    }
-    count
+        held
+    };
+    (1..=SCENES).filter(|&seed| held(seed) > FRAMES - 10).count()
+}
+
+/// Chance has its share in each scene: the ground is of the same kind, and of the target the view knows each look for a moment.
+#[test]
+fn most_targets_that_turn_are_followed() {
+    let count = followed(true);
+    assert!(count > 7, "{count}");
 }
 
 #[test]
-fn a_target_that_turns_is_followed() {
-    let frames = followed(true);
-    assert!(frames > 50, "{frames}");
-}
-
-#[test]
-fn it_would_be_lost_if_its_window_did_not_turn() {
-    let frames = followed(false);
-    assert!(frames < 30, "{frames}");
+fn they_would_be_lost_if_their_windows_did_not_turn() {
+    let count = followed(false);
+    assert!(count < 2, "{count}");
 }

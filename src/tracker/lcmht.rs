@@ -269,7 +269,7 @@ impl Followed {
             && confidence.state() != State::Lost
             && rect.w.max(rect.h) <= settings.aspect * rect.w.min(rect.h)
             && confidence.quality(response) < settings.below;
-        let Some(others) = turn.others(poor, settings.step) else {
+        let Some(others) = turn.others(poor, !confidence.is_certain(response), settings.step) else {
             return;
         };
         let much_better = |other| confidence.is_certain(other) && other >= settings.gain * response;

@@ -30,14 +30,16 @@ impl Turn {
     }
 
     /// How far the pictures are turned, in degrees clockwise, in which a target that answers poorly, or not, is to be looked
-    /// for as well: that on the side to which it turned last comes first. Each time in a row that neither is better, the
-    /// next is a frame later.
-    pub(super) fn others(&mut self, poor: bool, step: f64) -> Option<[f64; 2]> {
+    /// for as well: that on the side to which it turned last comes first. Each time in a row that neither is better, the next
+    /// is a frame later; but one that is `uncertain` right after the first time turns fast, and was half a step between two
+    /// pictures then.
+    pub(super) fn others(&mut self, poor: bool, uncertain: bool, step: f64) -> Option<[f64; 2]> {
         if !poor {
             (self.in_vain, self.rest) = (0, 0);
             return None;
         }
-        if self.rest > 0 {
+        let fast = uncertain && self.in_vain == 1;
+        if self.rest > 0 && !fast {
             self.rest -= 1;
             return None;
         }
@@ -66,15 +68,15 @@ mod tests {
     #[test]
     fn the_side_that_was_better_comes_first_and_turns_add_up() {
         let mut turn = Turn::upright();
-        assert_eq!(turn.others(true, 15.0), Some([15.0, -15.0]));
+        assert_eq!(turn.others(true, false, 15.0), Some([15.0, -15.0]));
         turn.chose(Some(-15.0));
         turn.settle(-15.0);
-        assert_eq!(turn.others(true, 15.0), Some([-30.0, 0.0]));
+        assert_eq!(turn.others(true, false, 15.0), Some([-30.0, 0.0]));
         turn.settle(-375.0);
         assert_eq!(turn.degrees(), -15.0);
         // A picture in which the target was not certain in the end is not gone on with.
         turn.chose(Some(-30.0));
-        assert_eq!(turn.others(true, 15.0), Some([-30.0, 0.0]));
+        assert_eq!(turn.others(true, false, 15.0), Some([-30.0, 0.0]));
     }
 
     #[test]
@@ -82,11 +84,20 @@ mod tests {
         let mut turn = Turn::upright();
         let mut waits = Vec::new();
         for _ in 0..10 {
-            waits.push((0..).find(|_| turn.others(true, 15.0).is_some()).unwrap());
+            waits.push((0..).find(|_| turn.others(true, false, 15.0).is_some()).unwrap());
             turn.chose(None);
         }
         assert_eq!(waits, [0, 1, 2, 3, 4, 5, 6, 7, 8, 8]);
-        assert!(turn.others(true, 15.0).is_none() && turn.others(false, 15.0).is_none());
-        assert!(turn.others(true, 15.0).is_some(), "a good answer ends the rest");
+        assert!(turn.others(true, false, 15.0).is_none() && turn.others(false, false, 15.0).is_none());
+        assert!(turn.others(true, false, 15.0).is_some(), "a good answer ends the rest");
+    }
+
+    #[test]
+    fn one_that_is_uncertain_right_after_the_first_time_in_vain_is_looked_for_at_once() {
+        let mut turn = Turn::upright();
+        for waits in [0, 0, 2] {
+            assert_eq!((0..).find(|_| turn.others(true, true, 15.0).is_some()), Some(waits));
+            turn.chose(None);
+        }
     }
 }
