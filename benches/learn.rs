@@ -7,7 +7,8 @@ use long_term_tracker::learn::svm::{Svm, SvmParams};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-const DIM: usize = 400;
+/// Of a template of 20 cells with HOG, LUV and gradient magnitude.
+const DIM: usize = 700;
 
 /// Unit vectors of two classes that overlap: a quarter is positive.
 fn examples(rng: &mut ChaCha8Rng, count: usize) -> Vec<(Vec<f32>, bool)> {
@@ -25,7 +26,7 @@ fn examples(rng: &mut ChaCha8Rng, count: usize) -> Vec<(Vec<f32>, bool)> {
 }
 
 fn trained(rng: &mut ChaCha8Rng, count: usize) -> Svm {
-    let mut svm = Svm::new(DIM, SvmParams { c: 2.0, gamma: 2.0, max_support: count });
+    let mut svm = Svm::new(DIM, SvmParams { c: 2.0, gamma: 1.0, max_support: count });
     for (x, positive) in examples(rng, 2 * count) {
         svm.add(&x, positive);
     }
@@ -34,7 +35,7 @@ fn trained(rng: &mut ChaCha8Rng, count: usize) -> Svm {
 
 fn benches(c: &mut Criterion) {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let mut svm = trained(&mut rng, 200);
+    let mut svm = trained(&mut rng, 100);
     let support = (0..svm.len()).filter(|&i| svm.example(i).alpha > 0.0).count();
     eprintln!("{} kept, {support} support vectors, {} solved from scratch", svm.len(), svm.resolves());
     for count in [400, 1000] {
@@ -45,7 +46,7 @@ fn benches(c: &mut Criterion) {
         });
     }
     let batch = examples(&mut rng, 40);
-    c.bench_function("svm/add/40_to_200", |b| {
+    c.bench_function("svm/add/40_to_100", |b| {
         b.iter_batched_ref(
             || svm.clone(),
             |svm| batch.iter().for_each(|(x, positive)| svm.add(x, *positive)),

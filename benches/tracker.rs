@@ -23,7 +23,7 @@ const HEIGHT: usize = 480;
 /// Pixels along the side of a texture's squares.
 const GRAIN: usize = 4;
 /// Weight of a new sample.
-const RATE: f32 = 0.015;
+const RATE: f32 = 0.03;
 /// The target's path repeats after so many frames.
 const PERIOD: usize = 120;
 
@@ -86,7 +86,7 @@ fn filter(c: &mut Criterion) {
     let window = Rect::around(target(0).centre(), [226.0; 2]);
     let specs = [
         LayerSpec { source: Source::Cells(vec![Feature::Hog]), components: Some(16), energy: Some(1.0) },
-        LayerSpec { source: Source::Cells(vec![Feature::ColourNames]), components: None, energy: Some(0.5) },
+        LayerSpec { source: Source::Cells(vec![Feature::ColourNames]), components: Some(10), energy: Some(0.5) },
     ];
     for cells in [32, 48] {
         let mut cropper = Cropper::default();
