@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use image::{ImageResult, RgbImage, imageops};
 use long_term_tracker::draw::{self, Scene};
+use long_term_tracker::eval::trajectory::median;
 use long_term_tracker::ros::messages::{Track, TrackArray};
 use long_term_tracker::{Encoding, Frame, Output, Rect, State, Target};
 
@@ -139,10 +140,4 @@ pub fn summary(run: &Run, marks: &[Mark]) -> String {
         latency * 1e3
     );
     text
-}
-
-/// The median; 0 where there is none.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

@@ -12,7 +12,7 @@ use super::response::highest;
 use crate::crop::{Cropper, Patch};
 use crate::features::hog::Hog;
 use crate::features::{CELL, FeatureMap};
-use crate::frame::Frame;
+use crate::frame::{Frame, MIN_TARGET_SIDE};
 use crate::geometry::Rect;
 
 /// Steps of the ladder.
@@ -74,9 +74,17 @@ impl ScaleFilter {
         }
     }
 
-    /// The factor by which the target has grown since `target` was its box. Call after the first
+    /// The box `target` in the size that the target has by now, within what the image can hold. Call after the first
     /// [`learn`](Self::learn).
-    pub fn estimate(&mut self, frame: &Frame, cropper: &mut Cropper, target: &Rect) -> f64 {
+    pub fn resized(&mut self, frame: &Frame, cropper: &mut Cropper, target: &Rect) -> Rect {
+        let factor = self.estimate(frame, cropper, target);
+        let least = (MIN_TARGET_SIDE / target.w.min(target.h)).min(1.0);
+        let most = (f64::from(frame.width()) / target.w).min(f64::from(frame.height()) / target.h).max(1.0);
+        target.scaled(factor.clamp(least, most))
+    }
+
+    /// The factor by which the target has grown since `target` was its box.
+    fn estimate(&mut self, frame: &Frame, cropper: &mut Cropper, target: &Rect) -> f64 {
         self.extract(frame, cropper, target);
         let energy = self.denominator.iter().sum::<f32>() / SCALES as f32;
         let mut response = [Complex32::default(); SCALES];

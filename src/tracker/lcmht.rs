@@ -37,7 +37,7 @@ use crate::dcf::scale::ScaleFilter;
 use crate::detect::online::{self, Detector};
 use crate::error::NetworkError;
 use crate::features::cnn::SharedCnn;
-use crate::frame::{Frame, MIN_TARGET_SIDE};
+use crate::frame::Frame;
 use crate::geometry::Rect;
 use crate::learn::svm::SvmParams;
 use crate::params::{LcmhtParams, LcmhtScale, LcmhtSvm, Params};
@@ -45,13 +45,11 @@ use crate::trace::{Proposal, Stage, Trace};
 use appearance::{Answer, Appearance, network_settings};
 use confidence::Confidence;
 use motion::Motion;
-use neighbours::Neighbours;
+use neighbours::{LEAST_FIT, Neighbours};
 use turn::Turn;
 
 /// Share of the usual response that a peak must have to be the target's where a neighbour needs a better one.
 const ALTERNATIVE: f64 = 0.25;
-/// Likelihood of a peak that the motion model has nothing to do with, where peaks are assigned.
-const LEAST_FIT: f64 = 0.1;
 /// Margin above which a peak is taken for a neighbour.
 const ALIKE: f64 = 0.0;
 
@@ -251,7 +249,7 @@ impl Followed {
 
         if tracking && !self.reacquired && self.params.scale.enabled {
             trace.stage(Stage::Scale);
-            self.rescale(frame, cropper);
+            self.rect = self.scale.resized(frame, cropper, &self.rect);
         }
         self.move_on(expected);
         if !self.reacquired && (tracking || !self.params.confidence.gate) {
@@ -371,16 +369,6 @@ impl Followed {
         }
         let place = Rect::around(answer.centre, self.rect.size());
         self.detector.margin(frame, cropper, &place) >= self.params.svm.least_margin
-    }
-
-    /// Takes the target's size from the scale filter, within what the image can hold.
-    fn rescale(&mut self, frame: &Frame, cropper: &mut Cropper) {
-        let factor = self.scale.estimate(frame, cropper, &self.rect);
-        let smallest = MIN_TARGET_SIDE / self.rect.w.min(self.rect.h);
-        let largest = (f64::from(frame.width()) / self.rect.w).min(f64::from(frame.height()) / self.rect.h);
-        if smallest <= largest {
-            self.rect = self.rect.scaled(factor.clamp(smallest.min(1.0), largest.max(1.0)));
-        }
     }
 
     /// Tells the motion model what has become of the target. The GM-PHD filter is updated by each position that is

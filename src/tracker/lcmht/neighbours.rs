@@ -25,8 +25,8 @@ const PATIENCE: u32 = 4;
 /// Gains of the alpha-beta filter of a neighbour's position and velocity.
 const POSITION_GAIN: f64 = 0.7;
 const VELOCITY_GAIN: f64 = 0.3;
-/// Likelihood, relative to the best, of a peak that a neighbour has nothing to do with.
-const LEAST_FIT: f64 = 0.1;
+/// Likelihood, relative to the best, of a peak that what is assigned to it, a neighbour or the target, has nothing to do with.
+pub(super) const LEAST_FIT: f64 = 0.1;
 
 /// One that looks like the target.
 #[derive(Clone, Copy, Debug)]

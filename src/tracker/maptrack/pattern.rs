@@ -4,7 +4,7 @@
 
 use crate::crop::Cropper;
 use crate::dcf::scale::ScaleFilter;
-use crate::frame::{Frame, MIN_TARGET_SIDE};
+use crate::frame::Frame;
 use crate::geometry::Rect;
 use crate::params::{LcmhtParams, MaptrackPattern};
 use crate::tracker::State;
@@ -61,18 +61,10 @@ impl Pattern {
         let place = [place[0].clamp(0.0, bounds.w), place[1].clamp(0.0, bounds.h)];
         let mut found = Rect::around(place, rect.size());
         if state == State::Tracking {
-            found = self.rescaled(frame, cropper, &found);
+            found = self.scale.resized(frame, cropper, &found);
             self.learn(frame, cropper, &found);
         }
         Recognised { rect: found, state, confidence: self.confidence.reported(response) }
-    }
-
-    /// The box in the size that the scale filter finds, within what the image can hold.
-    fn rescaled(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> Rect {
-        let factor = self.scale.estimate(frame, cropper, rect);
-        let least = (MIN_TARGET_SIDE / rect.w.min(rect.h)).min(1.0);
-        let most = (f64::from(frame.width()) / rect.w).min(f64::from(frame.height()) / rect.h).max(1.0);
-        rect.scaled(factor.clamp(least, most))
     }
 
     fn learn(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect) {
