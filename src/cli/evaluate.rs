@@ -72,8 +72,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Writes the boxes as DIR/SEQUENCE.csv, or DIR/SETUP/SEQUENCE.csv where there are several algorithms or parameter
-    /// files: the
-    /// columns of track and the overlap with the true box; and a times.csv, so that --peer reads them again.
+    /// files: the columns of track and the overlap with the true box; and a times.csv, so that --peer reads them again.
     #[arg(long, value_name = "DIR")]
     boxes: Option<PathBuf>,
 }
