@@ -52,6 +52,7 @@ fn scenes(count: usize) -> Vec<Vec<u8>> {
     (0..count).map(scene).collect()
 }
 
+/// The search window, and the columns of its response map.
 #[derive(Default)]
 struct Window(Rect, usize);
 

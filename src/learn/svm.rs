@@ -171,8 +171,8 @@ impl Svm {
 
     /// Writes the decision values of the rows of `xs`, row-major `out.len() x dim()`, to `out`.
     ///
-    /// Many at once are far faster than one by one; more than [`BLOCK`] gain nothing. Dot products are single precision: relative to
-    /// [`margin`](Self::margin), squared distances are off by about 1e-7 of the squared lengths.
+    /// Many at once are far faster than one by one; more than [`BLOCK`] gain nothing. Dot products are single precision:
+    /// relative to [`margin`](Self::margin), squared distances are off by about 1e-7 of the squared lengths.
     ///
     /// # Panics
     /// If the lengths do not match.

@@ -91,7 +91,7 @@ group! {
     }
 }
 
-/// What intensities may be reduced and divided by: single precision holds what comes of it.
+/// What intensities may be reduced and divided by at most, and divided by at least: single precision holds what comes of it.
 const GREATEST_INPUT: f64 = 1e6;
 const LEAST_SCALE: f64 = 1e-6;
 
