@@ -249,8 +249,8 @@ pub(in crate::tracker) fn network_settings(params: &LcmhtParams) -> Option<cnn::
     params.cnn.enabled.then(|| cnn::Settings::new(&params.cnn))
 }
 
-/// `params`, but what an [`Appearance`] is made of as it is in `made`: what may change under it are rates, what the paper leaves
-/// open, and what runs the network.
+/// `params`, but what an [`Appearance`] is made of as it is in `made`. What may change under it is how it learns and refines, the
+/// share of the network's filter, and what runs the network.
 pub(in crate::tracker) fn with_made(made: &LcmhtParams, params: &LcmhtParams) -> LcmhtParams {
     let LcmhtFilter { learning_rate, interval, steps, subcell, recrop, .. } = params.filter;
     let LcmhtCnn { share, inference, threads, .. } = params.cnn;
