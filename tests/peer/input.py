@@ -57,14 +57,6 @@ def rows_of(rgb, encoding):
     return order.reshape(height, -1)
 
 
-def stamped(message, index):
-    """The stamp that tells frames apart: 30 a second from second 1000 on."""
-    nanos = 1_000_000_000_000 + index * 33_333_333
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(nanos, 1_000_000_000)
-    message.header.frame_id = "camera_optical"
-    return message
-
-
 def encoded(rgb, encoding, index, padding=0):
     """A message in any encoding, its rows followed by bytes that mean nothing."""
     rows = rows_of(rgb, encoding)

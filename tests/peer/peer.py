@@ -32,18 +32,23 @@ def encode(rgb, encoding):
     return order
 
 
+def stamped(message, index):
+    """The stamp that tells frames apart: 30 a second from second 1000 on."""
+    nanos = 1_000_000_000_000 + index * 33_333_333
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(nanos, 1_000_000_000)
+    message.header.frame_id = "camera_optical"
+    return message
+
+
 def image_message(picture, encoding, index, padding=0):
-    """A message with a stamp that tells frames apart: 30 a second from second 1000 on."""
+    """An image whose rows are followed by bytes that mean nothing."""
     height, width, channels = picture.shape
     step = width * channels + padding
     rows = np.zeros((height, step), dtype=np.uint8)
     rows[:, : width * channels] = picture.reshape(height, -1)
     message = Image(height=height, width=width, encoding=encoding, step=step)
-    message.header.frame_id = "camera_optical"
-    nanos = 1_000_000_000_000 + index * 33_333_333
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(nanos, 1_000_000_000)
     message.data.frombytes(rows.tobytes())
-    return message
+    return stamped(message, index)
 
 
 def stamp_of(message):
@@ -91,17 +96,19 @@ class Peer:
         return image_message(encode(self.scene.rgb(index), encoding), encoding, index)
 
     def connect(self):
-        """Sends the first frame until it is answered, for what is sent before all is matched may be lost."""
+        """Sends the first frame with the stamp before its own until it is answered, for what is sent before all is matched
+        may be lost; then the frame itself, after whose answer none of those comes any more."""
         self.spin_until(
             lambda: self.images.get_subscription_count() and self.marks.get_subscription_count(), "subscriptions"
         )
-        message = self.message(self.index)
+        message = stamped(self.message(self.index), self.index - 1)
         for _ in range(100):
             self.images.publish(message)
             self.executor.spin_once(timeout_sec=0.1)
             if self.tracks:
                 break
         assert self.tracks, "no track message for the first images"
+        self.send(self.message(self.index))
         self.tracks.clear()
 
     def send(self, message):

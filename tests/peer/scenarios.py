@@ -328,9 +328,7 @@ def measure(seconds):
         while (left := began + n / 30 - time.monotonic()) > 0:
             peer.executor.spin_once(timeout_sec=left)
         index = 31 + n
-        message = ring[index % count]
-        stamp = 1_000_000_000_000 + index * 33_333_333
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
+        message = stamped(ring[index % count], index)
         before = time.monotonic()
         peer.images.publish(message)
         published[stamp_of(message)] = before, time.monotonic()
@@ -447,9 +445,7 @@ def debug_rate(seconds, least):
         nonlocal index
         index += 1
         turn = index % (2 * len(ring) - 2)
-        message = ring[min(turn, 2 * len(ring) - 2 - turn)]
-        nanos = 1_000_000_000_000 + index * 33_333_333
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(nanos, 1_000_000_000)
+        message = stamped(ring[min(turn, 2 * len(ring) - 2 - turn)], index)
         peer.images.publish(message)
 
     def everywhere():
@@ -538,9 +534,7 @@ def endurance(node_pid, frames):
     for index in range(1, frames + 1):
         # There and back again, so that the target never jumps.
         turn = index % (2 * len(ring) - 2)
-        message = ring[min(turn, 2 * len(ring) - 2 - turn)]
-        nanos = 1_000_000_000_000 + index * 33_333_333
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(nanos, 1_000_000_000)
+        message = stamped(ring[min(turn, 2 * len(ring) - 2 - turn)], index)
         said = peer.send(message)
         peer.detections.clear()
         if index * 20 % frames < 20:
