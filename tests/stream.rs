@@ -15,14 +15,23 @@ fn target(frame: usize) -> Rect {
 
 /// A patterned box on its way over noise, RGB.
 fn scene(frame: usize) -> Vec<u8> {
+    drawn(target(frame))
+}
+
+/// The pattern in a box of any size over the noise, RGB.
+fn drawn(at: Rect) -> Vec<u8> {
     let noise = |x: usize, y: usize| ((x * 7919 + y * 104_729 + (x * y) % 97 * 31) % 61) as u8;
-    let at = target(frame);
-    let (left, top, w, h) = (at.x as usize, at.y as usize, at.w as usize, at.h as usize);
+    // Where in the pattern a pixel lies, if it does.
+    let within = |pixel: usize, from: f64, side: f64, whole: f64| {
+        let share = (pixel as f64 - from.floor()) / side;
+        (0.0..1.0).contains(&share).then_some((share * whole) as usize)
+    };
     let mut data = Vec::with_capacity(WIDTH * HEIGHT * 3);
     for (y, x) in (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (y, x))) {
-        let inside = (left..left + w).contains(&x) && (top..top + h).contains(&y);
-        let [u, v] = [x.wrapping_sub(left), y.wrapping_sub(top)];
-        let value = if inside { 40 + ((u / 4 * 53 + v / 5 * 91) % 200) as u8 } else { 80 + noise(x, y) };
+        let value = match (within(x, at.x, at.w, 40.0), within(y, at.y, at.h, 32.0)) {
+            (Some(u), Some(v)) => 40 + ((u / 4 * 53 + v / 5 * 91) % 200) as u8,
+            _ => 80 + noise(x, y),
+        };
         data.extend([value, value / 2, 255 - value]);
     }
     data
@@ -97,6 +106,30 @@ fn a_target_is_held_while_parameters_change() {
         let ratio = said.velocity[0] / (2.0 * 1e9 / PERIOD as f64);
         assert!(!(6..52).contains(&n) || (0.5..1.5).contains(&ratio), "{n}: {ratio}");
     }
+}
+
+#[test]
+fn the_size_is_told_while_the_target_moves_little() {
+    // It grows by a hundredth and moves by a twentieth of itself a frame.
+    let grown = |n: usize| {
+        let side = 1.01f64.powi(n as i32);
+        Rect::around([50.0 + 2.0 * n as f64, 60.0 + n as f64], [40.0 * side, 32.0 * side])
+    };
+    let mut session = session(1);
+    session.start(&frame(&drawn(grown(0)), None), grown(0), &mut ()).unwrap();
+    let mut width = |n: usize, max_step: f64| {
+        set(&mut session, "lcmht.scale.max_step", Value::Double(max_step));
+        let said = session.step(&frame(&drawn(grown(n)), None), &mut ()).targets[0].clone();
+        assert!(said.state == State::Tracking && said.rect.iou(&grown(n)) > 0.6, "{n}: {said:?}");
+        said.rect.w
+    };
+    let before = (1..=15).map(|n| width(n, 0.1)).last().unwrap();
+    assert!((before / grown(15).w - 1.0).abs() < 0.04, "{before} for {}", grown(15).w);
+    for n in 16..=24 {
+        assert_eq!(width(n, 0.03), before, "{n}");
+    }
+    let after = (25..=34).map(|n| width(n, 0.1)).last().unwrap();
+    assert!((after / grown(34).w - 1.0).abs() < 0.04, "{after} for {}", grown(34).w);
 }
 
 /// The target goes behind the noise in the very frame of a change that needs another filter, and stays there.

@@ -157,7 +157,8 @@ group! {
     pub struct LcmhtScale at "lcmht.scale." {
         enabled: bool = true; "Estimates the target's size by a scale filter; otherwise it stays as marked."
         step: f64 = 1.02, in 1.001..=1.2; "Ratio of neighbouring scales."
-        area: f64 = 512.0, in 64.0..=16384.0, unit "square px"; "Area of the crops that sizes are compared in: larger ones tell sizes apart more finely, and take longer."
+        area: f64 = 2048.0, in 64.0..=16384.0, unit "square px"; "Area of the crops that sizes are compared in: larger ones tell sizes apart more finely, and take longer."
+        max_step: f64 = 0.1, in 0.0..=100.0, unit "target sizes a frame"; "Way of the target from one frame to the next beyond which it is blurred too much for its size to be told, and keeps that it had."
         learning_rate: f64 = 0.025, in 0.0..=1.0; "Weight of a new sample."
     }
 }

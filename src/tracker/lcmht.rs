@@ -38,7 +38,7 @@ use crate::detect::online::{self, Detector};
 use crate::error::NetworkError;
 use crate::features::cnn::SharedCnn;
 use crate::frame::Frame;
-use crate::geometry::Rect;
+use crate::geometry::{Rect, distance};
 use crate::learn::svm::SvmParams;
 use crate::params::{LcmhtParams, LcmhtScale, LcmhtSvm, Params};
 use crate::trace::{Proposal, Stage, Trace};
@@ -231,7 +231,9 @@ impl Followed {
         }
         self.watch_neighbours(&answer, frame, cropper);
         self.neighbours.show(self.rect.size(), trace);
+        let before = self.rect.centre();
         self.rect = Rect::around(self.place(&answer, expected, frame), self.rect.size());
+        let steady = distance(before, self.rect.centre()) <= self.params.scale.max_step * self.rect.scale() * dt;
 
         if self.confidence.state() == State::Lost {
             trace.stage(Stage::Redetect);
@@ -247,7 +249,7 @@ impl Followed {
         self.reacquired = was_lost && tracking;
         self.lost_for = if self.confidence.state() == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
 
-        if tracking && !self.reacquired && self.params.scale.enabled {
+        if tracking && !self.reacquired && steady && self.params.scale.enabled {
             trace.stage(Stage::Scale);
             self.rect = self.scale.resized(frame, cropper, &self.rect);
         }
@@ -442,7 +444,11 @@ impl Followed {
 /// `params`, but what filters and detector are made of as it is in `made`.
 fn with_made(made: &LcmhtParams, params: &LcmhtParams) -> LcmhtParams {
     LcmhtParams {
-        scale: LcmhtScale { learning_rate: params.scale.learning_rate, ..made.scale.clone() },
+        scale: LcmhtScale {
+            learning_rate: params.scale.learning_rate,
+            max_step: params.scale.max_step,
+            ..made.scale.clone()
+        },
         svm: LcmhtSvm { template_cells: made.svm.template_cells, ..params.svm.clone() },
         ..appearance::with_made(made, params)
     }

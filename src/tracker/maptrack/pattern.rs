@@ -11,6 +11,9 @@ use crate::tracker::State;
 use crate::tracker::lcmht::appearance::{Answer, Appearance};
 use crate::tracker::lcmht::confidence::Confidence;
 
+/// Area of the crops that sizes are compared in, in square pixels: small, for there may be many targets.
+const SCALE_AREA: f64 = 512.0;
+
 /// The filters. All boxes are in pixels of the frame.
 pub(super) struct Pattern {
     settings: LcmhtParams,
@@ -38,6 +41,7 @@ impl Pattern {
         settings.cnn.enabled = false;
         settings.filter.window = params.window;
         settings.confidence.activate = params.certain;
+        settings.scale.area = SCALE_AREA;
         let (appearance, response) = Appearance::new(&settings, None, frame, cropper, rect);
         let mut scale = ScaleFilter::new(rect, settings.scale.step, settings.scale.area);
         scale.learn(frame, cropper, rect, 1.0);
