@@ -231,6 +231,7 @@ impl Followed {
         }
         self.watch_neighbours(&answer, frame, cropper);
         self.neighbours.show(self.rect.size(), trace);
+        // What moves fast is blurred, which looks like another size.
         let before = self.rect.centre();
         self.rect = Rect::around(self.place(&answer, expected, frame), self.rect.size());
         let steady = distance(before, self.rect.centre()) <= self.params.scale.max_step * self.rect.scale() * dt;
