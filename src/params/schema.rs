@@ -65,6 +65,16 @@ group! {
 }
 
 group! {
+    /// What images, messages, files and the process may take. A peer cannot raise these: they are fixed at the start.
+    pub struct Limits at "limits." {
+        image_mb: i64 = 300, in 1..=65536, unit "MB", @fixed; "Largest image that is decoded, by the size of its pixels in memory; the default fits 8K with four channels of 16 bits."
+        message_mb: i64 = 320, in 1..=65536, unit "MB", @fixed; "Largest message of a recording, decompressed."
+        file_mb: i64 = 512, in 1..=65536, unit "MB", @fixed; "Largest network file that is loaded."
+        memory_mb: i64 = 4096, in 64..=1048576, unit "MB", @fixed; "Resident memory above which the node ends itself, with an error that says so."
+    }
+}
+
+group! {
     /// Debug images.
     pub struct Debug at "debug." {
         max_side: i64 = 208, in 16..=4096, unit "px"; "Largest side of raw debug images; larger frames are scaled down, for default DDS peers lose images of more than 130 KB."
@@ -82,6 +92,8 @@ groups! {
         levels: LevelParams,
         /// Frames that are kept.
         history: History,
+        /// What images, messages, files and the process may take.
+        limits: Limits,
         /// Debug images.
         debug: Debug,
         /// LCMHT.

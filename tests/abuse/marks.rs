@@ -1,0 +1,1 @@
+//! Marks and changed parameters faster than they can be obeyed, and ways out of everything.

@@ -1,0 +1,1 @@
+//! Datagrams, signals and environments that a peer or an operator may bring.

@@ -1,0 +1,1 @@
+//! Marks on what cannot be followed.

@@ -1,0 +1,1 @@
+//! Parameter files and arguments: what rcl reads is read, what it refuses is refused.

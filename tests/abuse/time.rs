@@ -1,0 +1,1 @@
+//! Stamps that lie, stand still, jump or come in bursts.

@@ -1,0 +1,1 @@
+//! What ROS's own tools bring along: launch, log files, clocks.
