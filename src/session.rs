@@ -5,18 +5,20 @@
 //!
 //! What changes in mid-stream does not end a track. A picture of another size is taken for the same scene in other
 //! pixels, and boxes go along in proportion. Another encoding is looked at as it is; with the colour gone the target may
-//! become uncertain. Stamps that stand still or jump back, or that there are none of, count as one frame period.
+//! become uncertain. Stamps that cannot be those of a camera, or that there are none of, count as one frame period.
 
+mod cadence;
 mod zoom;
 
 use std::sync::Arc;
 
 use crate::error::{NetworkError, StartError};
-use crate::frame::{Frame, Stamp};
+use crate::frame::Frame;
 use crate::geometry::Rect;
 use crate::params::Params;
 use crate::trace::Trace;
 use crate::tracker::{self, Output, Tracker};
+use cadence::Cadence;
 use zoom::{Zoom, factors, stretched};
 
 /// A tracker with the targets it was given and the rhythm of its frames.
@@ -254,94 +256,5 @@ fn new_id(next: &mut u32, marks: &[Mark]) -> Arc<str> {
         if !marks.iter().any(|mark| *mark.id == *id) {
             return id.into();
         }
-    }
-}
-
-/// How many intervals are remembered to find the frame period.
-const INTERVALS: usize = 15;
-/// A longer gap counts as this many periods: what is further away than this is searched for, not predicted.
-const MAX_PERIODS: f64 = 30.0;
-
-/// Turns stamps into whole numbers of frame periods, so that the jitter of a camera's clock does not reach the
-/// tracker and a stream gives the same boxes as the same images in a folder.
-#[derive(Clone, Debug, Default)]
-struct Cadence {
-    last: Stamp,
-    /// The latest intervals in nanoseconds, a ring.
-    intervals: [i64; INTERVALS],
-    count: usize,
-}
-
-impl Cadence {
-    /// Counts on from a frame of this stamp.
-    fn set_out(&mut self, stamp: Stamp) {
-        self.last = stamp;
-    }
-
-    /// The number of frame periods since the last frame, at least 1. Stamps that stand still or jump back (a bag
-    /// that loops) count as one period.
-    fn advance(&mut self, stamp: Stamp) -> f64 {
-        let last = std::mem::replace(&mut self.last, stamp);
-        let (Some(last), Some(now)) = (last, stamp) else {
-            return 1.0;
-        };
-        let interval = now.saturating_sub(last);
-        if interval <= 0 {
-            return 1.0;
-        }
-        self.intervals[self.count % INTERVALS] = interval;
-        self.count += 1;
-        (interval as f64 / self.period() as f64).round().clamp(1.0, MAX_PERIODS)
-    }
-
-    /// The frame period in nanoseconds: the lower quartile of the latest intervals, for skipped frames make
-    /// intervals longer and never shorter. 0 while no interval is known.
-    fn period(&self) -> i64 {
-        let known = self.count.min(INTERVALS);
-        let mut sorted = self.intervals;
-        let sorted = &mut sorted[..known];
-        sorted.sort_unstable();
-        sorted.get(known / 4).copied().unwrap_or(0)
-    }
-
-    /// Frames a second; 1 where no stamps tell.
-    fn frame_rate(&self) -> f64 {
-        match self.period() {
-            0 => 1.0,
-            period => 1e9 / period as f64,
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn jitter_counts_as_one_period_and_gaps_as_whole_ones() {
-        let mut cadence = Cadence::default();
-        let ms = 1_000_000;
-        let mut now = 0;
-        let mut advance = |step: i64| {
-            now += step;
-            cadence.advance(Some(now))
-        };
-        for step in [33, 35, 31, 34, 33, 29, 38] {
-            assert_eq!(advance(step * ms), 1.0);
-        }
-        assert_eq!(advance(67 * ms), 2.0);
-        assert_eq!(advance(-500 * ms), 1.0, "a looping bag");
-        assert_eq!(advance(0), 1.0);
-        assert_eq!(advance(33 * ms), 1.0);
-        assert_eq!(advance(3_600_000 * ms), MAX_PERIODS);
-        assert!((cadence.frame_rate() - 30.0).abs() < 2.0);
-    }
-
-    #[test]
-    fn frames_without_stamps_are_one_period_apart() {
-        let mut cadence = Cadence::default();
-        assert_eq!(cadence.advance(None), 1.0);
-        assert_eq!(cadence.advance(None), 1.0);
-        assert_eq!(cadence.frame_rate(), 1.0);
     }
 }

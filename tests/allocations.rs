@@ -157,6 +157,14 @@ fn looking_for_a_turned_target_allocates_nothing_once_warm() {
     follow_without_allocating(&[&turns[..], &[("lcmht.cnn.enabled", &network)]].concat(), 0.7);
 }
 
+/// Frames before which the stamps have a gap, so that the target is looked for in two places.
+#[test]
+fn looking_in_two_places_after_a_gap_allocates_nothing_once_warm() {
+    let network = Value::Bool(false);
+    let with_gaps = |frame: usize| Some(10_000_000 * (frame + 5 * (frame / 4)) as i64);
+    follow_stamped_without_allocating(&[("lcmht.cnn.enabled", &network)], with_gaps, 0.7);
+}
+
 #[test]
 fn following_a_target_by_particles_allocates_nothing_once_warm() {
     let (algorithm, update) = (Value::String("etepf".into()), Value::Bool(false));
@@ -198,11 +206,16 @@ fn searching_for_a_lost_target_allocates_nothing_of_ours_once_warm() {
 
 /// Follows the square with these parameters to the end, where the box is to overlap it by more than `overlap`.
 fn follow_without_allocating(changes: &[(&str, &Value)], overlap: f64) {
+    follow_stamped_without_allocating(changes, |_| None, overlap);
+}
+
+/// The same with stamps by the number of the frame.
+fn follow_stamped_without_allocating(changes: &[(&str, &Value)], stamp: impl Fn(usize) -> Option<i64>, overlap: f64) {
     let params = Params::default().with(changes.iter().copied(), Phase::StartUp).unwrap();
     let mut session = Session::new(params).unwrap();
     let scenes: Vec<Vec<u8>> = (0..WARM + 30).map(scene).collect();
-    let frames: Vec<Frame> =
-        scenes.iter().map(|data| Frame::new(data, 160, 120, 480, Encoding::Rgb8, None).unwrap()).collect();
+    let frame = |(i, data)| Frame::new(data, 160, 120, 480, Encoding::Rgb8, stamp(i)).unwrap();
+    let frames: Vec<Frame> = scenes.iter().map(Vec::as_slice).enumerate().map(frame).collect();
     session.start(&frames[0], Rect::new(40.0, 44.0, 32.0, 32.0), &mut ()).unwrap();
     for frame in &frames[1..WARM] {
         session.step(frame, &mut ());

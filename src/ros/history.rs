@@ -11,8 +11,10 @@ use crate::params;
 
 /// How far ahead of the newest frame a mark may be, in nanoseconds: what is further does not come from these images.
 const MOST_AHEAD: i64 = 1_000_000_000;
+/// How far stamps may go back within a stream, in nanoseconds: those of a poor clock do, from one image to the next.
+const MOST_BACK: i64 = 1_000_000_000;
 
-/// Frames with stamps, the oldest first; stamps never fall.
+/// Frames with stamps, the oldest first.
 #[derive(Debug, Default)]
 pub struct History {
     frames: VecDeque<Arc<Received>>,
@@ -27,11 +29,12 @@ impl History {
         self.shrink();
     }
 
-    /// Keeps the frame. One without a stamp cannot be named, and so is not kept; one of an earlier stamp than the last
+    /// Keeps the frame. One without a stamp cannot be named, and so is not kept; one of a much earlier stamp than the last
     /// begins a new stream.
     pub fn push(&mut self, frame: &Arc<Received>) {
         let Some(stamp) = frame.frame().stamp() else { return };
-        if self.frames.back().is_some_and(|last| last.frame().stamp() > Some(stamp)) {
+        let goes_back = |last: &Arc<Received>| last.frame().stamp() > Some(stamp.saturating_add(MOST_BACK));
+        if self.frames.back().is_some_and(goes_back) {
             self.frames.clear();
             self.bytes = 0;
         }
@@ -141,9 +144,25 @@ mod tests {
     #[test]
     fn a_jump_back_begins_anew_and_frames_without_stamps_are_not_kept() {
         let mut history = history(30, 64);
-        [10, 20, 20, 30, 5, 0, 6].iter().for_each(|n| history.push(&frame(*n)));
+        let s = MOST_BACK;
+        [s + 10, s + 20, s + 20, s + 30, 5, 0, 6].iter().for_each(|n| history.push(&frame(*n)));
         assert_eq!(stamps(history.frames()), [5, 6]);
         assert_eq!(history.bytes, 1_000_000);
+    }
+
+    /// The clock of a camera that is stamped when its images are read goes back and stands: each can be named all the same.
+    #[test]
+    fn small_steps_back_are_of_the_same_stream() {
+        let mut history = history(30, 64);
+        [10, 40, 20, 20, 30].iter().for_each(|n| history.push(&frame(*n)));
+        let kept: Vec<_> = history.frames().cloned().collect();
+        let here = |stamp: i64| match find(Some(stamp), &kept, &kept[4]) {
+            Named::Here(frames) => stamps(&frames),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(here(40), [40, 20, 20, 30]);
+        assert_eq!(here(20), [20, 30], "of two the later");
+        assert_eq!(here(10), [10, 40, 20, 20, 30]);
     }
 
     #[test]

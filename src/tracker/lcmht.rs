@@ -50,6 +50,8 @@ use turn::Turn;
 
 /// Share of the usual response that a peak must have to be the target's where a neighbour needs a better one.
 const ALTERNATIVE: f64 = 0.25;
+/// Distance in target sizes from which on two expected places are looked at one by one.
+const OTHER_PLACE: f64 = 0.1;
 /// Margin above which a peak is taken for a neighbour.
 const ALIKE: f64 = 0.0;
 
@@ -210,10 +212,9 @@ impl Followed {
         let was_lost = self.confidence.state() == State::Lost;
 
         trace.stage(Stage::Features);
-        let expected = self.motion.predict(self.rect.centre(), dt);
-        let expected = inside(expected, frame);
+        let (expected, dt) = self.look(frame, cropper, dt);
+        self.motion.predict(dt);
         trace.prediction(Rect::around(expected, self.rect.size()));
-        self.appearance.look(frame, cropper, expected, self.rect.size(), self.turn.degrees());
         self.look_turned(frame, cropper);
         self.appearance.show(trace);
 
@@ -259,6 +260,23 @@ impl Followed {
             trace.stage(Stage::Learn);
             self.learn(frame, cropper);
         }
+    }
+
+    /// Looks where the target is expected `dt` frames later. Stamps tell of a gap where frames were skipped, and likewise where
+    /// none was and the link stalled; so where that makes another place of it, the next frame's is looked at as well, and the
+    /// better answer says how many frames have passed. Not for a lost one: the more looks, the more often something else is
+    /// taken for it. Gives the place that was expected, and the frames.
+    fn look(&mut self, frame: &Frame, cropper: &mut Cropper, dt: f64) -> ([f64; 2], f64) {
+        let Self { appearance, motion, confidence, rect, turn, .. } = self;
+        let [later, next] = [dt, 1.0].map(|dt| inside(motion.expected(rect.centre(), dt), frame));
+        appearance.look(frame, cropper, later, rect.size(), turn.degrees());
+        if confidence.state() != State::Lost && distance(later, next) > OTHER_PLACE * rect.scale() {
+            let response = appearance.highest().response;
+            if appearance.look_around(frame, cropper, next, |other| other > response) {
+                return (next, 1.0);
+            }
+        }
+        (later, dt)
     }
 
     /// Looks for a target that answers poorly in turned pictures as well, and stays with the first in which it is certain

@@ -99,9 +99,9 @@ impl Maptrack {
 
     /// Lets each target expect its place or recognise it, and each moving pixel be the target's that it suits best.
     fn share(&mut self, frame: &Frame, dt: f64) {
-        let Self { view, targets, cropper, params, .. } = self;
+        let Self { view, region, targets, cropper, params, .. } = self;
         for target in targets.iter_mut() {
-            target.expect(dt, params);
+            target.expect_either(view, region, dt, params);
             target.recognise(frame, cropper, view);
         }
         if params.groups.share && targets.as_slice().len() > 1 {
@@ -131,10 +131,10 @@ impl Maptrack {
     }
 
     /// Follows each target (section 3.3).
-    fn follow(&mut self, dt: f64, trace: &mut dyn Trace) {
+    fn follow(&mut self, trace: &mut dyn Trace) {
         let Self { view, region, targets, own, params, .. } = self;
         for (i, (target, own)) in targets.iter_mut().zip(own).enumerate() {
-            target.step(view, region, number(i), *own, dt, params);
+            target.step(view, region, number(i), *own, params);
             target.show(view, region, trace);
             if i == 0 {
                 target.show_cues(view, region, trace);
@@ -235,9 +235,9 @@ impl Tracker for Maptrack {
         trace.stage(Stage::Localise);
         if let Some(target) = targets.get_mut(id) {
             view.see(frame, params);
-            target.expect(dt, params);
+            target.expect_either(view, region, dt, params);
             target.recognise(frame, cropper, view);
-            target.step(view, region, NOBODY, None, dt, params);
+            target.step(view, region, NOBODY, None, params);
             target.show(view, region, trace);
         }
     }
@@ -248,7 +248,7 @@ impl Tracker for Maptrack {
         trace.stage(Stage::Localise);
         self.share(frame, dt);
         self.assign();
-        self.follow(dt, trace);
+        self.follow(trace);
         self.end();
         trace.stage(Stage::Redetect);
         self.find(dt, ids);

@@ -132,8 +132,32 @@ impl Appearance {
         turn: f64,
         wanted: impl Fn(f64) -> bool,
     ) -> bool {
+        self.look_again(frame, cropper, self.view.window, turn, wanted)
+    }
+
+    /// Looks through the same window around `centre`, and stays there if the highest response is then `wanted`. Says whether
+    /// it is.
+    pub(in crate::tracker) fn look_around(
+        &mut self,
+        frame: &Frame,
+        cropper: &mut Cropper,
+        centre: [f64; 2],
+        wanted: impl Fn(f64) -> bool,
+    ) -> bool {
+        let View { window, turn, .. } = self.view;
+        self.look_again(frame, cropper, Rect::around(centre, window.size()), turn, wanted)
+    }
+
+    fn look_again(
+        &mut self,
+        frame: &Frame,
+        cropper: &mut Cropper,
+        window: Rect,
+        turn: f64,
+        wanted: impl Fn(f64) -> bool,
+    ) -> bool {
         std::mem::swap(&mut self.view, &mut self.aside);
-        self.see(frame, cropper, self.aside.window, turn);
+        self.see(frame, cropper, window, turn);
         self.respond();
         let better = wanted(self.highest().response);
         if !better {

@@ -88,12 +88,15 @@ impl Motion {
         }
     }
 
-    /// Predicts the intensity `dt` frames ahead (eqs 20 and 21) and gives the centre that is then expected of a target
-    /// that was last at `centre`, in pixels.
-    pub(super) fn predict(&mut self, centre: [f64; 2], dt: f64) -> [f64; 2] {
-        self.phd.predict(dt);
+    /// The centre that is expected `dt` frames after the target was at `centre`, in pixels.
+    pub(super) fn expected(&self, centre: [f64; 2], dt: f64) -> [f64; 2] {
         let [vx, vy] = self.velocity();
         if self.settings.enabled { [centre[0] + vx * dt, centre[1] + vy * dt] } else { centre }
+    }
+
+    /// Predicts the intensity `dt` frames ahead (eqs 20 and 21).
+    pub(super) fn predict(&mut self, dt: f64) {
+        self.phd.predict(dt);
     }
 
     /// Velocity of the centre, in pixels a frame.
@@ -246,14 +249,14 @@ mod tests {
             let mut expected = rect.centre();
             for _ in 0..60 {
                 rect = rect.shifted(3.0, -1.0);
-                motion.predict(rect.centre(), 1.0);
+                motion.predict(1.0);
                 motion.saw(&rect, expected);
                 expected = [rect.centre()[0] + 3.0, rect.centre()[1] - 1.0];
             }
             let [vx, vy] = motion.velocity();
             assert!((vx - 3.0).abs() < 0.1 && (vy + 1.0).abs() < 0.1, "{form:?}: {vx} {vy}");
             // Two frames ahead in one step.
-            let ahead = motion.predict(rect.centre(), 2.0);
+            let ahead = motion.expected(rect.centre(), 2.0);
             assert!((ahead[0] - rect.centre()[0] - 6.0).abs() < 0.2, "{form:?}");
             // What is unseen slows down.
             (0..20).for_each(|_| motion.missed());
@@ -266,7 +269,7 @@ mod tests {
         let mut motion = motion(MotionForm::Size);
         let there = Rect::new(104.0, 101.0, 30.0, 60.0);
         for k in 0..4 {
-            motion.predict(there.centre(), 1.0);
+            motion.predict(1.0);
             motion.missed();
             let clutter = Rect::new(300.0 + 37.0 * f64::from(k), 200.0 - 41.0 * f64::from(k), 30.0, 60.0);
             let best = motion.filter([clutter, there].into_iter()).unwrap();

@@ -9,7 +9,7 @@ use super::path::{Moment, Path};
 use super::pattern::{Pattern, Recognised};
 use super::region::{CELLS, Region, SIDE, Sums};
 use super::state::Inferred;
-use super::view::View;
+use super::view::{NOBODY, View};
 use crate::crop::Cropper;
 use crate::frame::{Frame, MIN_TARGET_SIDE};
 use crate::geometry::{Rect, distance};
@@ -42,6 +42,8 @@ pub(super) struct Track {
     /// Of a marked one, if patterns are wanted; and where it was recognised in this frame.
     pattern: Option<Pattern>,
     recognised: Option<Recognised>,
+    /// Frame periods since the frame before.
+    elapsed: f64,
     hidden: Option<Hidden>,
     sums: Sums,
     inferred: Inferred,
@@ -134,6 +136,7 @@ impl Track {
             history,
             pattern: None,
             recognised: None,
+            elapsed: 1.0,
             hidden: None,
             sums,
             inferred: Inferred::Moving,
@@ -166,7 +169,7 @@ impl Track {
 
     /// Expects the target where its velocity leads (eq 5) or, while it is hidden, where it would have come to (eq 13); one that
     /// is given up, where it was seen last.
-    pub(super) fn expect(&mut self, dt: f64, params: &MaptrackParams) {
+    fn expect(&mut self, dt: f64, params: &MaptrackParams) {
         let place = match self.hidden {
             None => self.path.expected(dt),
             Some(hidden) => {
@@ -177,6 +180,29 @@ impl Track {
             }
         };
         self.expected = Rect::around(place, self.rect.size());
+    }
+
+    /// Expects the target after `dt` frames or in the next one, where more of it is seen: stamps tell of a gap where frames were
+    /// skipped, and likewise where none was and the link stalled. One that is recognised, or hidden, is not looked for twice.
+    pub(super) fn expect_either(&mut self, view: &View, region: &mut Region, dt: f64, params: &MaptrackParams) {
+        self.expect(dt, params);
+        self.elapsed = dt;
+        if dt > 1.0 && self.pattern.is_none() && !self.is_hidden() {
+            let (later, seen) = (self.expected, self.visible(view, region, params));
+            self.expect(1.0, params);
+            if self.visible(view, region, params) > seen {
+                self.elapsed = 1.0;
+            } else {
+                self.expected = later;
+            }
+        }
+    }
+
+    /// How much of it is seen where it is expected.
+    fn visible(&self, view: &View, region: &mut Region, params: &MaptrackParams) -> f64 {
+        region.look(view, self.expected.scaled(params.model.margin), NOBODY, &params.model);
+        region.compose(&self.colours, &self.history, &params.model);
+        region.sums(&self.history).visibility
     }
 
     /// Claims the moving pixels of the region that it is expected in (of which targets beyond the paper take each its own).
@@ -197,10 +223,10 @@ impl Track {
         region: &mut Region,
         owner: u8,
         blob: Option<Rect>,
-        dt: f64,
         params: &MaptrackParams,
     ) {
         self.age = self.age.saturating_add(1);
+        let dt = self.elapsed;
         let found = self.climb(view, region, owner, params);
         self.sums = region.sums(&self.history);
         let was_hidden = self.hidden;
