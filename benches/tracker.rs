@@ -1,6 +1,7 @@
 //! Time of the parts of a step at the sizes that the default parameters meet, and of whole steps.
 
 use std::hint::black_box;
+use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use long_term_tracker::crop::{Cropper, Patch};
@@ -17,6 +18,7 @@ use long_term_tracker::params::{Inference, Phase, Value};
 use long_term_tracker::{Encoding, Frame, Params, Rect, Session, State};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rustix::time::{ClockId, Timespec, clock_gettime};
 
 const WIDTH: usize = 640;
 const HEIGHT: usize = 480;
@@ -26,6 +28,8 @@ const GRAIN: usize = 4;
 const RATE: f32 = 0.03;
 /// The target's path repeats after so many frames.
 const PERIOD: usize = 120;
+/// Steps after a mark in which something is left to learn of it, and more.
+const AFTER_MARK: usize = 20;
 
 /// A person's size: 40 x 80 px.
 fn target(frame: usize) -> Rect {
@@ -148,6 +152,49 @@ fn step(c: &mut Criterion) {
     assert!(found.state == State::Tracking && found.rect.iou(&target(k)) > 0.5, "{found:?} was not on the target");
 }
 
+/// A mark, and the steps in which altered looks at the first frame are learned, in processor time: of the default by either
+/// library, and of it without the network.
+fn start(c: &mut Criterion) {
+    let video = video();
+    let text = |v: &str| Value::String(v.into());
+    let cases = [
+        ("builtin", ("lcmht.cnn.inference", text("builtin"))),
+        ("onnxruntime", ("lcmht.cnn.inference", text("onnxruntime"))),
+        ("fast", ("lcmht.cnn.enabled", Value::Bool(false))),
+    ];
+    for (name, (parameter, value)) in cases {
+        let params = Params::default().with([(parameter, &value)], Phase::StartUp).expect("the parameter is known");
+        // ONNX Runtime may be missing.
+        let Ok(mut session) = Session::new(params) else { continue };
+        let mut mark = |session: &mut Session| {
+            let begun = clock_gettime(ClockId::ProcessCPUTime);
+            session.start(&frame(&video[0]), target(0), &mut ()).expect("the target is in view");
+            processor_time_since(begun)
+        };
+        c.bench_function(&format!("start/{name}"), |b| b.iter_custom(|n| (0..n).map(|_| mark(&mut session)).sum()));
+        // The dearest of the steps after a mark.
+        c.bench_function(&format!("start/{name}/dearest_step"), |b| {
+            b.iter_custom(|n| {
+                let mut dearest = |_| {
+                    mark(&mut session);
+                    let step = |k: usize| {
+                        let begun = clock_gettime(ClockId::ProcessCPUTime);
+                        session.step(&frame(&video[k]), &mut ());
+                        processor_time_since(begun)
+                    };
+                    (1..AFTER_MARK).map(step).max().unwrap_or_default()
+                };
+                (0..n).map(&mut dearest).sum()
+            })
+        });
+    }
+}
+
+fn processor_time_since(begun: Timespec) -> Duration {
+    let seconds = |t: Timespec| Duration::new(t.tv_sec as u64, t.tv_nsec as u32);
+    seconds(clock_gettime(ClockId::ProcessCPUTime)) - seconds(begun)
+}
+
 /// Steps without the network: of the same target in images of any size, and of targets of any size in the same image. All
 /// move by a pixel a frame.
 fn sizes(c: &mut Criterion) {
@@ -212,5 +259,5 @@ fn many(c: &mut Criterion) {
     eprintln!("maptrack/10: {} targets at the end, {most} at most", session.output().targets.len());
 }
 
-criterion_group!(benches, features, filter, network, step, sizes, many);
+criterion_group!(benches, features, filter, network, step, start, sizes, many);
 criterion_main!(benches);

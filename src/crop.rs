@@ -219,14 +219,21 @@ impl Cropper {
         done
     }
 
-    fn finish(&mut self, window: &Rect, patch: &mut Patch) {
-        if self.alteration.mirrored {
+    /// Mirrors and turns a patch that shows `window`, as if it had been cropped under this alteration. Blur comes with
+    /// cropping alone.
+    pub fn alter(&mut self, alteration: &Alteration, window: &Rect, patch: &mut Patch) {
+        if alteration.mirrored {
             patch.mirror();
         }
-        if self.alteration.turn != 0.0 {
+        if alteration.turn != 0.0 {
             let aspect = window.h / patch.height as f64 * (patch.width as f64 / window.w);
-            patch.turn(self.alteration.turn, aspect, &mut self.spare);
+            patch.turn(alteration.turn, aspect, &mut self.spare);
         }
+    }
+
+    fn finish(&mut self, window: &Rect, patch: &mut Patch) {
+        let alteration = self.alteration;
+        self.alter(&alteration, window, patch);
     }
 
     fn plan(&mut self, frame: &Frame, window: &Rect, width: usize, height: usize) {

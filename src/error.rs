@@ -49,6 +49,11 @@ pub enum StartError {
         "box {rect} lies outside the image of {width} x {height}: {visible:.0} % of it is in view, at least {min:.0} % must be"
     )]
     Outside { rect: Rect, width: u32, height: u32, visible: f64, min: f64 },
+    /// There is nothing in and around it that would tell it from other places.
+    #[error(
+        "box {rect} shows nothing to follow: what is in and around it varies by {contrast:.1} of 255 levels, at least {min} are needed"
+    )]
+    Blank { rect: Rect, contrast: f64, min: f64 },
     /// As many targets are followed as may be.
     #[error("{most} targets are followed already, and max_targets is {most}")]
     Full { most: usize },

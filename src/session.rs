@@ -13,6 +13,8 @@ mod zoom;
 use std::sync::Arc;
 
 use crate::error::{NetworkError, StartError};
+use crate::features::cnn::Networks;
+use crate::features::contrast::{LEAST_CONTRAST, contrast};
 use crate::frame::Frame;
 use crate::geometry::Rect;
 use crate::params::Params;
@@ -24,6 +26,7 @@ use zoom::{Zoom, factors, stretched};
 /// A tracker with the targets it was given and the rhythm of its frames.
 pub struct Session {
     params: Params,
+    networks: Networks,
     tracker: Box<dyn Tracker>,
     /// Of the targets that are followed, in the order of their starts; when the last has been stopped, of those that
     /// were stopped with it.
@@ -53,8 +56,10 @@ impl Session {
     /// A session that waits for a mark or, where the tracker finds targets by itself, for frames; or why a file that the
     /// parameters name cannot be used.
     pub fn new(params: Params) -> Result<Self, NetworkError> {
+        let networks = Networks::default();
         Ok(Self {
-            tracker: tracker::build(&params)?,
+            tracker: tracker::build(&params, &networks)?,
+            networks,
             params,
             marks: Vec::new(),
             stopped: false,
@@ -69,6 +74,12 @@ impl Session {
     /// The parameters in force.
     pub fn params(&self) -> &Params {
         &self.params
+    }
+
+    /// Where the tracker has its network from: one that was loaded there, by [`tracker::check`], costs no time when
+    /// [`retune`](Self::retune) asks for it.
+    pub fn networks(&self) -> Networks {
+        self.networks.clone()
     }
 
     /// Whether frames are tracked: a target is being followed, or targets are being looked for.
@@ -105,7 +116,7 @@ impl Session {
         rect: Rect,
         trace: &mut dyn Trace,
     ) -> Result<&Output, StartError> {
-        frame.check_target(&rect)?;
+        self.check_mark(frame, &rect)?;
         let most = self.params.general.max_targets as usize;
         if self.stopped {
             self.marks.clear();
@@ -132,7 +143,7 @@ impl Session {
         }
         let size = [frame.width(), frame.height()];
         let here = |mark: &Mark| stretched(mark.rect, factors(mark.size, size));
-        self.marks.iter().try_for_each(|mark| frame.check_target(&here(mark)))?;
+        self.marks.iter().try_for_each(|mark| self.check_mark(frame, &here(mark)))?;
         let marks = std::mem::take(&mut self.marks);
         self.stop();
         self.stopped = false;
@@ -192,6 +203,13 @@ impl Session {
     /// What was said of the last frame.
     pub fn output(&self) -> &Output {
         &self.output
+    }
+
+    /// Checks that the target can be followed from this frame on, and that there is anything to follow.
+    fn check_mark(&self, frame: &Frame, rect: &Rect) -> Result<(), StartError> {
+        frame.check_target(rect)?;
+        let (contrast, min) = (contrast(&frame.with_levels(self.params.levels.range()), rect), LEAST_CONTRAST);
+        if contrast < min { Err(StartError::Blank { rect: *rect, contrast, min }) } else { Ok(()) }
     }
 
     fn new_id(&mut self) -> Arc<str> {

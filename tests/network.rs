@@ -8,7 +8,7 @@ use std::process::Command;
 
 use long_term_tracker::crop::Cropper;
 use long_term_tracker::features::FeatureMap;
-use long_term_tracker::features::cnn::{Cnn, Settings};
+use long_term_tracker::features::cnn::{Cnn, Networks, Settings};
 use long_term_tracker::params::{Inference, Phase, Value};
 use long_term_tracker::{Encoding, Frame, NetworkError, Params, Rect, Session, tracker};
 use onnx::{Convolution, network};
@@ -260,11 +260,42 @@ fn a_change_that_leaves_the_network_alone_does_not_load_it_again() {
     let mut session = Session::new(loaded.clone()).unwrap();
     std::fs::remove_file(&path).unwrap();
     let shared = with(0.5, ["near", "far"]);
-    tracker::check(&loaded, &shared).unwrap();
+    tracker::check(&Networks::default(), &loaded, &shared).unwrap();
     session.retune(shared).unwrap();
     // What makes another network of it is tried.
-    let other = tracker::check(&loaded, &with(0.2, ["far", "near"]));
+    let other = tracker::check(&Networks::default(), &loaded, &with(0.2, ["far", "near"]));
     assert!(matches!(other, Err(NetworkError::Unreadable { .. })), "{other:?}");
+}
+
+/// As the node does it: what takes long is done by another thread while frames go on.
+#[test]
+fn a_network_that_was_loaded_beside_is_taken_over_without_loading_it_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(&folder, "two.onnx", &network(&[1, 3, 0, 0], &two_layers()));
+    let with = |outputs: [&str; 2]| {
+        params(&[
+            ("lcmht.cnn.inference", Value::String("builtin".into())),
+            ("lcmht.cnn.file", Value::String(path.to_str().unwrap().into())),
+            ("lcmht.cnn.outputs", Value::StringArray(outputs.map(String::from).to_vec())),
+            ("lcmht.cnn.components", Value::IntegerArray(vec![0, 3])),
+        ])
+    };
+    let (first, then) = (with(["near", "far"]), with(["far", "near"]));
+    let data = pixels(160, 120);
+    let frame = Frame::new(&data, 160, 120, 480, Encoding::Rgb8, None).unwrap();
+    let mut session = Session::new(first.clone()).unwrap();
+    let rect = Rect::new(60.0, 40.0, 30.0, 40.0);
+    session.start(&frame, rect, &mut ()).unwrap();
+    std::thread::scope(|scope| {
+        let networks = session.networks();
+        scope.spawn(|| tracker::check(&networks, &first, &then).unwrap()).join().unwrap();
+    });
+    std::fs::remove_file(&path).unwrap();
+    session.retune(then).unwrap();
+    for _ in 0..3 {
+        assert!(session.step(&frame, &mut ()).targets[0].rect.iou(&rect) > 0.8);
+    }
+    assert!(session.retune(with(["near", "near"])).is_err(), "which nobody has loaded");
 }
 
 /// The offline command ends with one line that names the file, and not with success.

@@ -23,7 +23,7 @@ use super::sample::Sample;
 /// The fixed settings of a filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Samples of the first frame: the first that come, which are never forgotten.
+    /// Samples of the first frame, the true one and altered ones, which are never forgotten.
     pub looks: usize,
     /// Samples remembered at the most, more than the looks.
     pub memory: usize,
@@ -42,6 +42,10 @@ pub struct MaskedFilter {
     samples: Vec<Pack>,
     /// Weight of each remembered sample; they sum to 1.
     weights: Vec<f32>,
+    /// Altered looks at the first frame whose samples have not come yet, the last ones; the true sample stands in for them.
+    awaited: usize,
+    /// The weights that the samples have until all looks have come.
+    present: Vec<f32>,
     /// Spectrum of the label, packed.
     label: Vec<Pack>,
     /// Indices of the cells where the filter may differ from zero.
@@ -51,6 +55,9 @@ pub struct MaskedFilter {
     /// Spectra of the filter, `channels x bins`.
     filter: Vec<Complex32>,
     solver: Solver,
+    /// Steps of conjugate gradients since the start.
+    #[cfg(test)]
+    pub(crate) steps: usize,
 }
 
 /// Vectors of the conjugate gradient method and scratch for the transforms.
@@ -129,6 +136,8 @@ impl MaskedFilter {
             filter: vec![Complex32::default(); channels.len() * fft.bins()],
             samples: Vec::with_capacity(settings.memory * size),
             weights: Vec::with_capacity(settings.memory),
+            awaited: 0,
+            present: Vec::with_capacity(settings.memory),
             label: packs(&spectrum, fft.bins()).collect(),
             coefficients: vec![0.0; unknowns],
             solver: Solver {
@@ -143,6 +152,8 @@ impl MaskedFilter {
             },
             support,
             channels,
+            #[cfg(test)]
+            steps: 0,
         }
     }
 
@@ -160,30 +171,72 @@ impl MaskedFilter {
     /// Puts a sample into the memory with weight `learning_rate` (the first: 1), without training. When the memory
     /// is full, the lightest sample that is not of the first frame gives way.
     pub fn remember(&mut self, sample: &Sample, learning_rate: f32) {
-        let size = self.solver.product.len();
-        let packed = packs(self.own(sample), self.solver.sums.len());
+        let slot = self.take_slot(learning_rate);
+        self.fill(slot, sample);
+        self.weigh();
+    }
+
+    /// Makes room for altered looks at the first frame, whose sample has been remembered: as if each had been remembered by
+    /// now, at these rates. Until [`remember_look`](Self::remember_look) brings one, the true sample has its weight.
+    pub fn await_looks(&mut self, rates: impl IntoIterator<Item = f32>) {
+        for rate in rates {
+            self.take_slot(rate);
+            self.awaited += 1;
+        }
+        self.samples.resize(self.weights.len() * self.solver.product.len(), Pack::default());
+        self.weigh();
+    }
+
+    /// Puts the sample of the next look that is awaited into its place, without training.
+    pub fn remember_look(&mut self, sample: &Sample) {
+        let slot = self.settings.looks - self.awaited;
+        self.fill(slot, sample);
+        self.awaited -= 1;
+        self.weigh();
+    }
+
+    /// The place of a new sample of weight `learning_rate` (the first: 1), which the others give room to.
+    fn take_slot(&mut self, learning_rate: f32) -> usize {
         if self.weights.is_empty() {
             self.weights.push(1.0);
-            self.samples.extend(packed);
-            return;
+            return 0;
         }
         self.weights.iter_mut().for_each(|w| *w *= 1.0 - learning_rate);
-        if self.weights.len() < self.settings.memory {
+        let slot = if self.weights.len() < self.settings.memory {
             self.weights.push(learning_rate);
-            self.samples.extend(packed);
+            self.weights.len() - 1
         } else {
             let lightest = (self.settings.looks..self.weights.len())
                 .min_by(|&a, &b| self.weights[a].total_cmp(&self.weights[b]))
                 .expect("a memory has room for more than the first frame");
             self.weights[lightest] = learning_rate;
-            self.samples[lightest * size..(lightest + 1) * size]
-                .iter_mut()
-                .zip(packed)
-                .for_each(|(old, new)| *old = new);
-        }
+            lightest
+        };
         self.weights[0] = self.weights[0].max(self.settings.first_weight);
         let sum: f32 = self.weights.iter().sum();
         self.weights.iter_mut().for_each(|w| *w /= sum);
+        slot
+    }
+
+    /// Writes a sample to its place, at most behind the last.
+    fn fill(&mut self, slot: usize, sample: &Sample) {
+        let size = self.solver.product.len();
+        let packed = packs(self.own(sample), self.solver.sums.len());
+        if slot * size == self.samples.len() {
+            self.samples.extend(packed);
+        } else {
+            self.samples[slot * size..(slot + 1) * size].iter_mut().zip(packed).for_each(|(old, new)| *old = new);
+        }
+    }
+
+    /// Gives what is awaited to the true sample.
+    fn weigh(&mut self) {
+        self.present.clear();
+        self.present.extend_from_slice(&self.weights);
+        let looks = self.settings.looks;
+        for awaited in looks - self.awaited..looks {
+            self.present[0] += std::mem::take(&mut self.present[awaited]);
+        }
     }
 
     /// Adds a sample and improves the filter by `steps` of conjugate gradients.
@@ -207,6 +260,10 @@ impl MaskedFilter {
         for _ in 0..steps {
             if rho <= f64::from(f32::MIN_POSITIVE) {
                 break;
+            }
+            #[cfg(test)]
+            {
+                self.steps += 1;
             }
             let direction = std::mem::take(&mut self.solver.direction);
             self.apply(fft, &direction, lambda);
@@ -244,7 +301,8 @@ impl MaskedFilter {
     fn right_hand_side(&mut self, fft: &mut Fft2) {
         let Solver { spectra, map, residual, product, .. } = &mut self.solver;
         product.fill(Pack::default());
-        for (sample, &weight) in self.samples.chunks_exact(product.len()).zip(&self.weights) {
+        for (sample, &weight) in self.samples.chunks_exact(product.len()).zip(&self.present).filter(|(_, w)| **w > 0.0)
+        {
             accumulate(product, sample, &self.label, weight);
         }
         unpack(product, fft.bins(), spectra);
@@ -257,7 +315,7 @@ impl MaskedFilter {
         self.transform(fft, coefficients, &mut filter);
         let Solver { spectra, map, image, packed_filter, product, .. } = &mut self.solver;
         packed_filter.iter_mut().zip(packs(&filter, fft.bins())).for_each(|(old, new)| *old = new);
-        normal_product(&self.samples, &self.weights, packed_filter, self.label.len(), product);
+        normal_product(&self.samples, &self.present, packed_filter, self.label.len(), product);
         unpack(product, fft.bins(), spectra);
         gather(fft, spectra, map, &self.support, image);
         image.iter_mut().zip(coefficients).for_each(|(i, f)| *i += lambda * f);
@@ -301,7 +359,7 @@ fn normal_product(samples: &[Pack], weights: &[f32], filter: &[Pack], length: us
     product.fill(Pack::default());
     for start in (0..length).step_by(BLOCK) {
         let block = start..length.min(start + BLOCK);
-        for (sample, &weight) in samples.chunks_exact(filter.len()).zip(weights) {
+        for (sample, &weight) in samples.chunks_exact(filter.len()).zip(weights).filter(|(_, w)| **w > 0.0) {
             let mut sums = [Pack::default(); BLOCK];
             for (f, x) in filter.chunks_exact(length).zip(sample.chunks_exact(length)) {
                 for ((s, f), x) in sums.iter_mut().zip(&f[block.clone()]).zip(&x[block.clone()]) {
@@ -466,6 +524,42 @@ mod tests {
             response
         };
         assert_eq!(response(&mut fft, 1..2, &whole), response(&mut fft, 0..1, &second));
+    }
+
+    #[test]
+    fn a_look_that_comes_late_is_learned_as_if_it_had_come_at_once() {
+        let mut fft = Fft2::new(ROWS, COLS);
+        let (y, m) = (label(ROWS, COLS, 0.8), mask(ROWS, COLS, 4.0, 4.0));
+        let settings = Settings { looks: 3, memory: 4, ..SETTINGS };
+        let all: Vec<Sample> = (0..6).map(|seed| sample(&mut fft, &maps(seed))).collect();
+        let filter = |fft: &mut Fft2| MaskedFilter::new(settings, fft, 0..CHANNELS, &y, &m);
+        let rates = [0.25, 0.4];
+        let mut at_once = filter(&mut fft);
+        at_once.remember(&all[0], 1.0);
+        (0..2).for_each(|i| at_once.remember(&all[1 + i], rates[i]));
+        let mut late = filter(&mut fft);
+        late.remember(&all[0], 1.0);
+        late.await_looks(rates);
+        // Meanwhile it is a filter of the samples there are.
+        assert_eq!(late.present, [1.0, 0.0, 0.0]);
+        let mut alone = filter(&mut fft);
+        alone.learn(&mut fft, &all[0], 1.0, 9);
+        late.train(&mut fft, 9);
+        assert_eq!(late.coefficients, alone.coefficients);
+        // Others come and go, one before the first look, one between the looks, one after them.
+        for (i, other) in all[3..].iter().enumerate() {
+            at_once.remember(other, LEARNING_RATE);
+            late.remember(other, LEARNING_RATE);
+            assert!((late.present.iter().sum::<f32>() - 1.0).abs() < 1e-6, "{:?}", late.present);
+            if i < 2 {
+                late.remember_look(&all[1 + i]);
+            }
+        }
+        assert_eq!((&late.samples, &late.present), (&at_once.samples, &at_once.weights));
+        late.coefficients.fill(0.0);
+        at_once.train(&mut fft, 9);
+        late.train(&mut fft, 9);
+        assert_eq!(late.coefficients, at_once.coefficients);
     }
 
     #[test]

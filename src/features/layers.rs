@@ -9,8 +9,8 @@ use super::cnn::{SharedCnn, locked};
 use super::hog::Hog;
 use super::pca::Projection;
 use super::resize::Resize;
-use super::{CELL, FeatureMap, colour_names};
-use crate::crop::{Cropper, Patch};
+use super::{CELL, FeatureMap, colour_names, contrast};
+use crate::crop::{Alteration, Cropper, Patch};
 use crate::dcf::fft::Fft2;
 use crate::dcf::sample::Sample;
 use crate::dcf::window::hann;
@@ -61,17 +61,45 @@ struct Layer {
     gain: f32,
 }
 
+/// What a search window shows, cut out of a frame: all that a sample is made of.
+#[derive(Clone, Debug, Default)]
+pub struct Cut {
+    window: Rect,
+    /// For the features of cells.
+    cells: Patch,
+    /// For the network, if that is to see it in another size.
+    network: Option<Patch>,
+}
+
+impl Cut {
+    /// Whether it shows anything that could be followed, where `tile` is the share of the window's sides that a target and
+    /// its surroundings take.
+    pub fn shows_anything(&self, tile: f64) -> bool {
+        let side = |length: usize| (length as f64 * tile).round() as usize;
+        contrast::shows_anything(&self.cells, [side(self.cells.width), side(self.cells.height)])
+    }
+
+    /// Mirrors and turns what it shows; blur comes with cutting alone.
+    pub fn alter(&mut self, alteration: &Alteration, cropper: &mut Cropper) {
+        for patch in std::iter::once(&mut self.cells).chain(&mut self.network) {
+            cropper.alter(alteration, &self.window, patch);
+        }
+    }
+}
+
 /// Extracts samples on a grid of fixed size.
 pub struct Extractor {
     rows: usize,
     cols: usize,
     layers: Vec<Layer>,
     hann: Vec<f32>,
-    patch: Patch,
+    cut: Cut,
     hog: Hog,
     hog_map: FeatureMap,
     names_map: FeatureMap,
     cnn: Option<SharedCnn>,
+    /// The side of the network's input, if a layer is of it.
+    side: Option<usize>,
     /// The channels of one layer of cells before its projection.
     joined: FeatureMap,
     /// The channels of one layer of the network after its projection, on the network's grid.
@@ -92,21 +120,26 @@ impl Extractor {
         window: &Rect,
         cropper: &mut Cropper,
     ) -> Self {
+        let network = specs.iter().any(|spec| matches!(spec.source, Source::Network(_)));
         let mut extractor = Self {
             rows,
             cols,
             layers: Vec::new(),
             hann: hann(rows, cols),
-            patch: Patch::default(),
+            cut: Cut::default(),
             hog: Hog::default(),
             hog_map: FeatureMap::default(),
             names_map: FeatureMap::default(),
+            side: cnn.as_ref().filter(|_| network).map(|cnn| locked(cnn).settings().side),
             cnn,
             joined: FeatureMap::default(),
             projected: FeatureMap::default(),
             planes: Vec::new(),
         };
-        extractor.maps(specs.iter(), frame, window, cropper);
+        let mut cut = Cut::default();
+        extractor.cut(frame, window, cropper, &mut cut);
+        extractor.maps(specs.iter(), &cut);
+        extractor.cut = cut;
         extractor.layers = specs.iter().map(|spec| extractor.fit_layer(spec)).collect();
         extractor
     }
@@ -156,8 +189,33 @@ impl Extractor {
         fft: &mut Fft2,
         sample: &mut Sample,
     ) {
+        let mut cut = std::mem::take(&mut self.cut);
+        self.cut(frame, window, cropper, &mut cut);
+        self.extract_cut(&cut, fft, sample);
+        self.cut = cut;
+    }
+
+    /// Cuts out what `window` shows, for [`extract_cut`](Self::extract_cut).
+    pub fn cut(&self, frame: &Frame, window: &Rect, cropper: &mut Cropper, cut: &mut Cut) {
+        let [width, height] = [self.cols, self.rows].map(|cells| cells * CELL);
+        cut.window = *window;
+        cropper.crop(frame, window, width, height, &mut cut.cells);
+        if let Some(side) = self.side.filter(|&side| [side; 2] != [width, height]) {
+            cropper.crop(frame, window, side, side, cut.network.get_or_insert_default());
+        }
+    }
+
+    /// Fills `sample` with the spectra of what a cut shows.
+    pub fn extract_cut(&mut self, cut: &Cut, fft: &mut Fft2, sample: &mut Sample) {
+        let layers = std::mem::take(&mut self.layers);
+        self.maps(layers.iter().map(|layer| &layer.spec), cut);
+        self.layers = layers;
+        self.transform(fft, sample);
+    }
+
+    /// Fills `sample` with the spectra of what was looked at last: after [`fit`](Self::fit), of what that was fitted to.
+    pub fn transform(&mut self, fft: &mut Fft2, sample: &mut Sample) {
         let mut layers = std::mem::take(&mut self.layers);
-        self.maps(layers.iter().map(|layer| &layer.spec), frame, window, cropper);
         let channels: usize = layers.iter().map(|layer| layer.channels).sum();
         sample.layers.clear();
         sample.spectra.resize(channels * fft.bins(), Complex32::default());
@@ -177,26 +235,19 @@ impl Extractor {
     }
 
     /// Computes each feature that the layers ask for, and runs the network once if any layer is of it.
-    fn maps<'a>(
-        &mut self,
-        specs: impl Iterator<Item = &'a LayerSpec>,
-        frame: &Frame,
-        window: &Rect,
-        cropper: &mut Cropper,
-    ) {
-        cropper.crop(frame, window, self.cols * CELL, self.rows * CELL, &mut self.patch);
+    fn maps<'a>(&mut self, specs: impl Iterator<Item = &'a LayerSpec>, cut: &Cut) {
         let mut network = false;
         for spec in specs {
             match &spec.source {
                 Source::Cells(features) => features.iter().for_each(|feature| match feature {
-                    Feature::Hog => self.hog.compute(&self.patch, &mut self.hog_map),
-                    Feature::ColourNames => colour_names::compute(&self.patch, &mut self.names_map),
+                    Feature::Hog => self.hog.compute(&cut.cells, &mut self.hog_map),
+                    Feature::ColourNames => colour_names::compute(&cut.cells, &mut self.names_map),
                 }),
                 Source::Network(_) => network = true,
             }
         }
         if network && let Some(cnn) = &self.cnn {
-            locked(cnn).compute(frame, window, cropper);
+            locked(cnn).compute_patch(cut.network.as_ref().unwrap_or(&cut.cells));
         }
     }
 

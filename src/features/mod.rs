@@ -10,11 +10,13 @@
 //! | `pca.rs` | projection of channels on to their principal components | as asked |
 //! | `resize.rs` | bilinear resampling of a map to another grid | as they are |
 //! | `pixelwise.rs` | of each pixel: gradients of its neighbourhood, and its colour | 8 and 3 |
+//! | `contrast.rs` | of a picture: whether it shows anything to follow | |
 //! | `colour_histogram.rs` | of a box: histogram of HSV colours | 110 bins |
 
 pub mod cnn;
 pub mod colour_histogram;
 pub mod colour_names;
+pub mod contrast;
 pub mod hog;
 pub mod layers;
 pub mod luv;

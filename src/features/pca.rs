@@ -23,7 +23,11 @@ impl Projection {
         let count = map.cells() as f64;
         let mean: Vec<f64> =
             (0..inputs).map(|c| map.plane(c).iter().map(|&v| f64::from(v)).sum::<f64>() / count).collect();
+        // Of the symmetric matrix, the lower triangle is all that is looked at.
         let covariance = DMatrix::from_fn(inputs, inputs, |i, j| {
+            if i < j {
+                return 0.0;
+            }
             let sum: f64 = map.plane(i).iter().zip(map.plane(j)).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum();
             sum / count - mean[i] * mean[j]
         });

@@ -100,7 +100,7 @@ impl Threads {
             stats: stats.clone(),
             end: closed.clone(),
         };
-        let store = Arc::new(Store::new(settings));
+        let store = Arc::new(Store::new(settings).with_networks(session.networks()));
         let tracks = endpoints.publisher("~/tracks")?;
         let detections = endpoints.publisher("~/detections")?;
         let views = (View::new(&mut endpoints, "~/debug/image")?, View::new(&mut endpoints, "~/debug/response")?);

@@ -64,20 +64,20 @@ impl ParameterServices {
             self.get_types.serve(async |q| GetParameterTypesResponse { values: types(&current(), &q.names) }),
             self.list.serve(async |q| ListParametersResponse { result: list(&current(), &q.prefixes, q.depth) }),
             self.describe.serve(async |q| DescribeParametersResponse { values: descriptions(&current(), &q.names) }),
-            self.set.serve(async |q| SetParametersResponse {
-                results: q.parameter.into_iter().map(|p| self.change(vec![p])).collect(),
+            self.set.serve(async |q| {
+                let mut results = Vec::new();
+                for parameter in q.parameter {
+                    results.push(self.change(vec![parameter]).await);
+                }
+                SetParametersResponse { results }
             }),
-            self.set_atomically.serve(async |q| SetParametersAtomicallyResponse { result: self.change(q.parameter) }),
+            self.set_atomically
+                .serve(async |q| SetParametersAtomicallyResponse { result: self.change(q.parameter).await }),
         );
     }
 
-    fn change(&self, changes: Vec<raw::Parameter>) -> raw::SetParametersResult {
-        let taken = changes
-            .into_iter()
-            .map(|p| self.assignment(p))
-            .collect::<Result<Vec<Assignment>, ParamsError>>()
-            .and_then(|changes| self.store.change(&changes));
-        match taken {
+    async fn change(&self, changes: Vec<raw::Parameter>) -> raw::SetParametersResult {
+        match self.taken(changes).await {
             Ok((settings, different)) => {
                 if !different.is_empty() {
                     self.inbox.send(Command::Retune(Box::new(settings.params.clone())));
@@ -90,6 +90,14 @@ impl ParameterServices {
                 raw::SetParametersResult { successful: false, reason: why.to_string() }
             }
         }
+    }
+
+    /// Makes the changes. What takes long is done beside, while other requests are answered.
+    async fn taken(&self, changes: Vec<raw::Parameter>) -> Result<(Arc<Settings>, Vec<Assignment>), ParamsError> {
+        let changes: Vec<Assignment> = changes.into_iter().map(|p| self.assignment(p)).collect::<Result<_, _>>()?;
+        let store = self.store.clone();
+        let changes = smol::unblock(move || store.prepare(&changes).map(|()| changes)).await?;
+        self.store.change(&changes)
     }
 
     fn assignment(&self, parameter: raw::Parameter) -> Result<Assignment, ParamsError> {

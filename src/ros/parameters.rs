@@ -8,6 +8,7 @@ use super::args::Source;
 use super::fault::Fault;
 use super::image_qos::ImageQos;
 use crate::error::ParamsError;
+use crate::features::cnn::Networks;
 use crate::params::{self, Assignment, Kind, NodeName, Params, Phase, Range, Value};
 use crate::tracker;
 
@@ -218,24 +219,39 @@ impl NodeParameter {
 
 /// The set in force, shared by the threads: whoever reads it gets one whole set.
 #[derive(Debug)]
-pub struct Store(Mutex<Arc<Settings>>);
+pub struct Store {
+    settings: Mutex<Arc<Settings>>,
+    networks: Networks,
+}
 
 impl Store {
     /// Puts a set in force.
     pub fn new(settings: Settings) -> Self {
-        Self(Mutex::new(Arc::new(settings)))
+        Self { settings: Mutex::new(Arc::new(settings)), networks: Networks::default() }
+    }
+
+    /// Loads networks where the tracker has its own from.
+    pub fn with_networks(self, networks: Networks) -> Self {
+        Self { networks, ..self }
+    }
+
+    /// Checks changes, and loads the network that they ask for, which may take seconds. The changes can then be made at once.
+    pub fn prepare(&self, changes: &[Assignment]) -> Result<(), ParamsError> {
+        let current = self.current();
+        let changed = current.with(changes, Phase::Running)?;
+        Ok(tracker::check(&self.networks, &current.params, &changed.params)?)
     }
 
     /// The set in force.
     pub fn current(&self) -> Arc<Settings> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.settings.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Makes the changes as a whole, or none of them. Gives the new set and the changes that made a difference.
     pub fn change(&self, changes: &[Assignment]) -> Result<(Arc<Settings>, Vec<Assignment>), ParamsError> {
-        let mut current = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut current = self.settings.lock().unwrap_or_else(PoisonError::into_inner);
         let changed = Arc::new(current.with(changes, Phase::Running)?);
-        tracker::check(&current.params, &changed.params)?;
+        tracker::check(&self.networks, &current.params, &changed.params)?;
         let mut different: Vec<Assignment> = Vec::new();
         for (name, _) in changes {
             if let Some(value) = changed.get(name).filter(|v| current.get(name).as_ref() != Some(v))

@@ -196,6 +196,9 @@ impl Followed {
         self.particles.confine(|place| *place = bounds.nearest(place));
         self.look(frame, scratch, &noise);
         let view = &scratch.view;
+        if !view.shows_anything(self.rect(&self.place).size()) {
+            return self.wait(view, trace);
+        }
 
         trace.stage(if self.state == State::Lost { Stage::Redetect } else { Stage::Localise });
         self.guide(view, &noise, &bounds);
@@ -212,6 +215,18 @@ impl Followed {
             trace.stage(Stage::Learn);
             self.update(frame, scratch);
         }
+    }
+
+    /// Stays where it is while nothing at all is to be seen: a plain picture tells no place from another.
+    fn wait(&mut self, view: &View, trace: &mut dyn Trace) {
+        // One half of the tracker alone has no FIND.
+        let finds = self.params.particles.method == EtepfMethod::Full;
+        (self.state, self.reacquired) = (if finds { State::Lost } else { State::Uncertain }, false);
+        self.lost_for = if finds { self.lost_for.saturating_add(1) } else { 0 };
+        self.show(view, trace);
+        self.motion.missed(&self.params.modes);
+        self.particles.gather(self.params.particles.count as usize, self.place);
+        self.seen = self.evidence(view, &self.place);
     }
 
     /// Makes the likelihood image of wherever a particle may come to be (step 1).

@@ -36,7 +36,7 @@ use crate::crop::Cropper;
 use crate::dcf::scale::ScaleFilter;
 use crate::detect::online::{self, Detector};
 use crate::error::NetworkError;
-use crate::features::cnn::SharedCnn;
+use crate::features::cnn::{Networks, SharedCnn};
 use crate::frame::Frame;
 use crate::geometry::{Rect, distance};
 use crate::learn::svm::SvmParams;
@@ -60,6 +60,7 @@ pub struct Lcmht {
     params: LcmhtParams,
     seed: u64,
     cropper: Cropper,
+    networks: Networks,
     /// The network, if its layers are wanted.
     cnn: Option<SharedCnn>,
     targets: Targets<Followed>,
@@ -83,6 +84,8 @@ struct Followed {
     /// The response as far as the detector lets it count.
     judged: f64,
     turn: Turn,
+    /// Whether nothing at all was to be seen where it was looked for in the last frame: then the box stays where it is.
+    blind: bool,
     age: u32,
     updates: u32,
     lost_for: u32,
@@ -90,21 +93,22 @@ struct Followed {
 }
 
 impl Lcmht {
-    /// A tracker that waits for a mark.
-    pub fn new(params: &Params) -> Result<Self, NetworkError> {
+    /// A tracker that waits for a mark. It has its network from `networks`.
+    pub fn new(params: &Params, networks: &Networks) -> Result<Self, NetworkError> {
         Ok(Self {
             params: params.lcmht.clone(),
             seed: params.general.seed.unsigned_abs(),
             cropper: Cropper::default(),
-            cnn: appearance::network(&params.lcmht, None)?,
+            cnn: appearance::network(&params.lcmht, networks)?,
+            networks: networks.clone(),
             targets: Targets::default(),
         })
     }
 }
 
-/// Tries out the network that changed parameters ask for, if it is another than before.
-pub(super) fn check(old: &LcmhtParams, new: &LcmhtParams) -> Result<(), NetworkError> {
-    if network_settings(old) == network_settings(new) { Ok(()) } else { appearance::network(new, None).map(drop) }
+/// Loads the network that changed parameters ask for, if it is another than before.
+pub(super) fn check(networks: &Networks, old: &LcmhtParams, new: &LcmhtParams) -> Result<(), NetworkError> {
+    if network_settings(old) == network_settings(new) { Ok(()) } else { appearance::network(new, networks).map(drop) }
 }
 
 impl Tracker for Lcmht {
@@ -130,10 +134,13 @@ impl Tracker for Lcmht {
     }
 
     fn step(&mut self, frame: &Frame, dt: f64, _: &mut NewId, trace: &mut dyn Trace) {
-        let Self { params, seed, cropper, cnn, targets } = self;
+        let Self { params, seed, cropper, cnn, targets, .. } = self;
+        // One at most is made anew in a frame, which takes as long as a mark.
+        let mut remade = false;
         for target in targets.iter_mut() {
             target.step(frame, cropper, dt, trace);
-            if target.params != *params && target.confidence.state() == State::Tracking {
+            if !remade && target.params != *params && target.confidence.state() == State::Tracking {
+                remade = true;
                 target.remake(params, cnn.clone(), *seed, frame, cropper);
             }
         }
@@ -144,7 +151,9 @@ impl Tracker for Lcmht {
     }
 
     fn retune(&mut self, params: &Params) -> Result<(), NetworkError> {
-        self.cnn = appearance::network(&params.lcmht, self.cnn.as_ref())?;
+        if network_settings(&self.params) != network_settings(&params.lcmht) {
+            self.cnn = appearance::network(&params.lcmht, &self.networks)?;
+        }
         self.params = params.lcmht.clone();
         self.targets.iter_mut().for_each(|target| target.retune(&self.params, self.cnn.as_ref()));
         Ok(())
@@ -160,7 +169,7 @@ impl targets::Followed for Followed {
         Target {
             id: self.id.clone(),
             rect: self.rect,
-            velocity: self.motion.velocity(),
+            velocity: if self.blind { [0.0; 2] } else { self.motion.velocity() },
             confidence: self.confidence.reported(self.judged) as f32,
             response: self.response as f32,
             state: self.confidence.state(),
@@ -198,6 +207,7 @@ impl Followed {
             response,
             judged: response,
             turn: Turn::upright(),
+            blind: false,
             age: 0,
             updates: 0,
             lost_for: 0,
@@ -215,6 +225,7 @@ impl Followed {
         let (expected, dt) = self.look(frame, cropper, dt);
         self.motion.predict(dt);
         trace.prediction(Rect::around(expected, self.rect.size()));
+        self.blind = self.appearance.is_blank();
         self.look_turned(frame, cropper);
         self.appearance.show(trace);
 
@@ -222,7 +233,7 @@ impl Followed {
         self.neighbours.predict(dt);
         let mut answer = self.localise(expected);
         let colour = frame.encoding().is_colour();
-        if colour != std::mem::replace(&mut self.colour, colour) {
+        if !self.blind && colour != std::mem::replace(&mut self.colour, colour) {
             // Without colour the filter answers less to the same target.
             self.confidence.rebase(answer.response);
         }
@@ -234,7 +245,9 @@ impl Followed {
         self.neighbours.show(self.rect.size(), trace);
         // What moves fast is blurred, which looks like another size.
         let before = self.rect.centre();
-        self.rect = Rect::around(self.place(&answer, expected, frame), self.rect.size());
+        if !self.blind {
+            self.rect = Rect::around(self.place(&answer, expected, frame), self.rect.size());
+        }
         let steady = distance(before, self.rect.centre()) <= self.params.scale.max_step * self.rect.scale() * dt;
 
         if self.confidence.state() == State::Lost {
@@ -256,10 +269,12 @@ impl Followed {
             self.rect = self.scale.resized(frame, cropper, &self.rect);
         }
         self.move_on(expected);
+        trace.stage(Stage::Learn);
         if !self.reacquired && (tracking || !self.params.confidence.gate) {
-            trace.stage(Stage::Learn);
             self.learn(frame, cropper);
         }
+        // What the mark left to learn of the first frame: a little in each of the next.
+        self.appearance.learn_look(cropper);
     }
 
     /// Looks where the target is expected `dt` frames later. Stamps tell of a gap where frames were skipped, and likewise where

@@ -8,6 +8,7 @@ mod targets;
 use std::sync::Arc;
 
 use crate::error::NetworkError;
+use crate::features::cnn::Networks;
 use crate::frame::Frame;
 use crate::geometry::Rect;
 use crate::params::{Algorithm, Params};
@@ -48,19 +49,20 @@ pub trait Tracker: Send {
     fn retune(&mut self, params: &Params) -> Result<(), NetworkError>;
 }
 
-/// The tracker that the parameters name, or why a file that they name cannot be used.
-pub fn build(params: &Params) -> Result<Box<dyn Tracker>, NetworkError> {
+/// The tracker that the parameters name, with its network from `networks`, or why a file that they name cannot be used.
+pub fn build(params: &Params, networks: &Networks) -> Result<Box<dyn Tracker>, NetworkError> {
     match params.general.algorithm {
-        Algorithm::Lcmht => Ok(Box::new(lcmht::Lcmht::new(params)?)),
+        Algorithm::Lcmht => Ok(Box::new(lcmht::Lcmht::new(params, networks)?)),
         Algorithm::Etepf => Ok(Box::new(etepf::Etepf::new(params))),
         Algorithm::Maptrack => Ok(Box::new(maptrack::Maptrack::new(params))),
     }
 }
 
-/// Whether the tracker could take over the changed parameters: why a file that they name cannot be used.
-pub fn check(old: &Params, new: &Params) -> Result<(), NetworkError> {
+/// Whether a tracker that has its network from `networks` could take over the changed parameters, or why a file that they
+/// name cannot be used. What has to be loaded for them is loaded here, and the tracker finds it there.
+pub fn check(networks: &Networks, old: &Params, new: &Params) -> Result<(), NetworkError> {
     match new.general.algorithm {
-        Algorithm::Lcmht => lcmht::check(&old.lcmht, &new.lcmht),
+        Algorithm::Lcmht => lcmht::check(networks, &old.lcmht, &new.lcmht),
         Algorithm::Etepf | Algorithm::Maptrack => Ok(()),
     }
 }

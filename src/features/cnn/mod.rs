@@ -38,6 +38,35 @@ pub fn locked(cnn: &SharedCnn) -> MutexGuard<'_, Cnn> {
     cnn.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Networks by what they were loaded by. Whoever loads one before it is needed spares that to him who asks for it then: clones
+/// hold the same. The one that was asked for last is kept.
+#[derive(Clone, Default)]
+pub struct Networks(Arc<Mutex<Option<SharedCnn>>>);
+
+impl Networks {
+    /// The network of these settings, loaded unless it is there.
+    pub fn get(&self, settings: Settings) -> Result<SharedCnn, NetworkError> {
+        // Not held while a network is loaded, so that others get theirs meanwhile.
+        let kept = self.kept().clone().filter(|kept| locked(kept).settings == settings);
+        if let Some(kept) = kept {
+            return Ok(kept);
+        }
+        let loaded: SharedCnn = Arc::new(Mutex::new(Cnn::load(settings)?));
+        *self.kept() = Some(loaded.clone());
+        Ok(loaded)
+    }
+
+    fn kept(&self) -> MutexGuard<'_, Option<SharedCnn>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl std::fmt::Debug for Networks {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Networks")
+    }
+}
+
 /// A network with the maps it made last.
 pub struct Cnn {
     settings: Settings,
@@ -48,6 +77,9 @@ pub struct Cnn {
     maps: Vec<FeatureMap>,
     /// Whether the last run failed.
     failed: bool,
+    /// How often it has run since it was loaded.
+    #[cfg(test)]
+    pub(crate) runs: usize,
 }
 
 impl Cnn {
@@ -57,7 +89,16 @@ impl Cnn {
         let image = settings.mean.iter().zip(&settings.scale).flat_map(grey).collect::<Vec<f32>>();
         let mut maps = vec![FeatureMap::default(); settings.outputs.len()];
         let network = load(&settings, &image, &mut maps)?;
-        Ok(Self { settings, network, patch: Patch::default(), image, maps, failed: false })
+        Ok(Self {
+            settings,
+            network,
+            patch: Patch::default(),
+            image,
+            maps,
+            failed: false,
+            #[cfg(test)]
+            runs: 0,
+        })
     }
 
     /// What it was loaded by.
@@ -68,8 +109,19 @@ impl Cnn {
     /// Computes the maps of what `window` shows. A run that fails leaves maps of zeros, to which nothing answers; the first of
     /// several in a row is logged.
     pub fn compute(&mut self, frame: &Frame, window: &Rect, cropper: &mut Cropper) {
-        cropper.crop(frame, window, self.settings.side, self.settings.side, &mut self.patch);
-        self.prepare();
+        let mut patch = std::mem::take(&mut self.patch);
+        cropper.crop(frame, window, self.settings.side, self.settings.side, &mut patch);
+        self.compute_patch(&patch);
+        self.patch = patch;
+    }
+
+    /// Computes the maps of a patch of the input's size likewise.
+    pub fn compute_patch(&mut self, patch: &Patch) {
+        self.prepare(patch);
+        #[cfg(test)]
+        {
+            self.runs += 1;
+        }
         let ran = self.network.run(&self.image, self.settings.side, &mut self.maps);
         let failed_before = std::mem::replace(&mut self.failed, ran.is_err());
         if let Err(why) = ran {
@@ -87,9 +139,9 @@ impl Cnn {
 
     /// Fills the input from the patch: `(intensity - mean) / scale`, planes in the network's order. A patch without
     /// colour is grey.
-    fn prepare(&mut self) {
+    fn prepare(&mut self, patch: &Patch) {
         let Settings { side, mean, scale, bgr, .. } = self.settings;
-        let planes = self.patch.planes();
+        let planes = patch.planes();
         for (channel, out) in self.image.chunks_exact_mut(side * side).enumerate() {
             let colour = if bgr { 2 - channel } else { channel };
             let plane = planes.get(colour).unwrap_or(&planes[0]);

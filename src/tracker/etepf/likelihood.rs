@@ -4,6 +4,7 @@
 use crate::crop::{Cropper, Patch};
 use crate::detect::mean_shift::Map;
 use crate::features::colour_histogram::{self, Histogram};
+use crate::features::contrast::{self, AROUND};
 use crate::features::pixelwise::{FEATURES, Pixelwise};
 use crate::frame::Frame;
 use crate::geometry::Rect;
@@ -73,6 +74,12 @@ impl View {
                 each(at, std::array::from_fn(|feature| planes[feature * width + x]));
             }
         });
+    }
+
+    /// Whether there is anything that a target of this size could be told from.
+    pub(super) fn shows_anything(&self, size: [f64; 2]) -> bool {
+        let side = |axis: usize| (AROUND * size[axis] * self.zoom[axis]).round() as usize;
+        contrast::shows_anything(&self.patch, [side(0), side(1)])
     }
 
     /// How many pixels are looked at within a box.

@@ -1,7 +1,9 @@
 //! What the target looks like: layers of features, and the correlation filter that is trained on them.
 
-use std::sync::{Arc, Mutex};
+use std::collections::VecDeque;
+use std::sync::Arc;
 
+use super::augment::Look;
 use super::filters::Filters;
 use crate::crop::{Alteration, Cropper, turn_about};
 use crate::dcf::fft::Fft2;
@@ -9,8 +11,9 @@ use crate::dcf::response::{Peak, centred, highest, local_maxima};
 use crate::dcf::sample::Sample;
 use crate::error::NetworkError;
 use crate::features::CELL;
-use crate::features::cnn::{self, Cnn, SharedCnn};
-use crate::features::layers::{Extractor, Feature, LayerSpec, Source};
+use crate::features::cnn::{self, Networks, SharedCnn};
+use crate::features::contrast::AROUND;
+use crate::features::layers::{Cut, Extractor, Feature, LayerSpec, Source};
 use crate::frame::Frame;
 use crate::geometry::{Rect, turned};
 use crate::params::{LcmhtCnn, LcmhtFilter, LcmhtLayers, LcmhtParams, WindowShape};
@@ -36,6 +39,10 @@ pub(in crate::tracker) struct Appearance {
     aside: View,
     peaks: Vec<Peak>,
     answers: Vec<Answer>,
+    /// Altered looks at the first frame's target that have not been learned yet.
+    looks: VecDeque<(Look, Arc<Cut>)>,
+    /// What is looked at.
+    cut: Cut,
     shown: Vec<f32>,
     /// Room to turn what is shown.
     spare: Vec<f32>,
@@ -47,6 +54,8 @@ struct View {
     window: Rect,
     /// How far the picture is turned about the window's centre, in degrees clockwise.
     turn: f64,
+    /// Whether the window showed nothing that could be followed: then nothing answers.
+    blank: bool,
     /// What the window showed, and the response to it (wrapped).
     sample: Sample,
     response: Vec<f32>,
@@ -63,7 +72,7 @@ pub(in crate::tracker) struct Answer {
 
 impl Appearance {
     /// Learns the target in `rect`. Gives the response to the very sample it was trained on as well. The network is
-    /// there if the parameters want its layers.
+    /// there if the parameters want its layers. Altered looks are cut out, and wait for [`learn_look`](Self::learn_look).
     pub(in crate::tracker) fn new(
         params: &LcmhtParams,
         cnn: Option<SharedCnn>,
@@ -90,11 +99,15 @@ impl Appearance {
             aside: View { response: vec![0.0; rows * cols], ..View::default() },
             peaks: Vec::with_capacity(PEAKS),
             answers: Vec::with_capacity(PEAKS),
+            looks: VecDeque::new(),
+            cut: Cut::default(),
             shown: Vec::with_capacity(rows * cols),
             spare: Vec::with_capacity(rows * cols),
         };
-        appearance.see(frame, cropper, window, 0.0);
-        appearance.learn_first(frame, cropper, rect);
+        appearance.view.window = window;
+        appearance.extractor.transform(&mut appearance.fft, &mut appearance.view.sample);
+        appearance.filters.learn_first(&mut appearance.fft, &appearance.view.sample);
+        appearance.cut_looks(frame, cropper, rect);
         appearance.respond();
         let response = f64::from(highest(&appearance.view.response, rows, cols, false).value);
         (appearance, response)
@@ -166,6 +179,11 @@ impl Appearance {
         better
     }
 
+    /// Whether the last look showed nothing that could be followed. No response is above 0 then.
+    pub(in crate::tracker) fn is_blank(&self) -> bool {
+        self.view.blank
+    }
+
     /// How far the picture of the last look is turned, in degrees clockwise.
     pub(in crate::tracker) fn turn(&self) -> f64 {
         self.view.turn
@@ -204,7 +222,7 @@ impl Appearance {
     }
 
     /// Learns the target at `centre` (eqs 4 and 8). By default the sample of the last look is shifted there, if that showed
-    /// it at all; the paper cuts it anew.
+    /// it at all; the paper cuts it anew. Where nothing is to be seen, nothing is learned.
     pub(in crate::tracker) fn learn(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
         if self.settings.recrop || self.view.window.intersection(&Rect::around(centre, size)).area() == 0.0 {
             self.see(frame, cropper, search_window(&self.settings, centre, size), self.view.turn);
@@ -214,7 +232,9 @@ impl Appearance {
             let [dx, dy] = turned([x - centre[0], y - centre[1]], turn.to_radians());
             sample.shift(&self.fft, [dx * self.cols as f64 / window.w, dy * self.rows as f64 / window.h]);
         }
-        self.filters.learn(&mut self.fft, &self.view.sample, &self.settings);
+        if !self.view.blank {
+            self.filters.learn(&mut self.fft, &self.view.sample, &self.settings);
+        }
     }
 
     /// Shows the response map of the last look.
@@ -234,38 +254,61 @@ impl Appearance {
     }
 
     fn see(&mut self, frame: &Frame, cropper: &mut Cropper, window: Rect, turn: f64) {
-        let Self { fft, extractor, view, .. } = self;
+        let Self { fft, extractor, view, cut, .. } = self;
         (view.window, view.turn) = (window, turn);
         let alteration = Alteration { turn, ..Alteration::default() };
-        cropper.altered(alteration, |cropper| extractor.extract(frame, &window, cropper, fft, &mut view.sample));
+        cropper.altered(alteration, |cropper| extractor.cut(frame, &window, cropper, cut));
+        view.blank = !cut.shows_anything(AROUND / self.settings.window);
+        if !view.blank {
+            extractor.extract_cut(cut, fft, &mut view.sample);
+        }
     }
 
     fn respond(&mut self) {
-        self.filters.respond(&mut self.fft, &self.view.sample, &mut self.view.response);
+        let View { blank, sample, response, .. } = &mut self.view;
+        if *blank {
+            response.fill(0.0);
+        } else {
+            self.filters.respond(&mut self.fft, sample, response);
+        }
     }
 
-    /// Learns the sample of the first frame, and those of altered looks at it.
-    fn learn_first(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect) {
-        let Self { settings, fft, extractor, filters, view, .. } = self;
-        filters.learn_first(fft, &view.sample, |look, fft, sample| {
-            let window = search_window(settings, rect.centre(), rect.size().map(|side| side / look.scale));
-            cropper.altered(look.alteration, |cropper| extractor.extract(frame, &window, cropper, fft, sample));
-        });
+    /// Cuts the altered looks out of the first frame. Those that differ in how they are mirrored and turned share a cut.
+    fn cut_looks(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect) {
+        let Self { settings, extractor, filters, looks, .. } = self;
+        for &look in filters.looks() {
+            let alike = |other: &Look| (other.scale, other.alteration.blur) == (look.scale, look.alteration.blur);
+            let known = looks.iter().find(|(other, _)| alike(other)).map(|(_, cut)| cut.clone());
+            let cut = known.unwrap_or_else(|| {
+                let window = search_window(settings, rect.centre(), rect.size().map(|side| side / look.scale));
+                let blurred = Alteration { blur: look.alteration.blur, ..Alteration::default() };
+                let mut cut = Cut::default();
+                cropper.altered(blurred, |cropper| extractor.cut(frame, &window, cropper, &mut cut));
+                cut.into()
+            });
+            looks.push_back((look, cut));
+        }
+    }
+
+    /// Learns the next altered look at the first frame's target, if one is left. Overwrites the sample of the last look.
+    pub(in crate::tracker) fn learn_look(&mut self, cropper: &mut Cropper) {
+        let Self { fft, extractor, filters, view, looks, cut, .. } = self;
+        let Some((look, unaltered)) = looks.pop_front() else {
+            return;
+        };
+        cut.clone_from(&unaltered);
+        cut.alter(&look.alteration, cropper);
+        extractor.extract_cut(cut, fft, &mut view.sample);
+        filters.learn_look(fft, &view.sample);
     }
 }
 
-/// The network that the parameters ask for: the one that is loaded where it is the same.
+/// The network that the parameters ask for.
 pub(in crate::tracker) fn network(
     params: &LcmhtParams,
-    loaded: Option<&SharedCnn>,
+    networks: &Networks,
 ) -> Result<Option<SharedCnn>, NetworkError> {
-    let Some(settings) = network_settings(params) else {
-        return Ok(None);
-    };
-    if let Some(loaded) = loaded.filter(|loaded| cnn::locked(loaded).settings() == &settings) {
-        return Ok(Some(loaded.clone()));
-    }
-    Ok(Some(Arc::new(Mutex::new(Cnn::load(settings)?))))
+    network_settings(params).map(|settings| networks.get(settings)).transpose()
 }
 
 /// What the network that the parameters ask for is loaded by.
@@ -333,6 +376,7 @@ fn specs(layers: &LcmhtLayers, cnn: &LcmhtCnn) -> (Vec<LayerSpec>, Vec<f32>) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::filters::{FIRST_STEPS, LOOK_STEPS};
     use super::*;
     use crate::frame::Encoding;
     use crate::geometry::distance;
@@ -358,6 +402,7 @@ mod tests {
         let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
         let mut cropper = Cropper::default();
         let (mut appearance, trained) = Appearance::new(&params, None, &frame(&first), &mut cropper, &TARGET);
+        learn_looks(&mut appearance, &mut cropper);
         appearance.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size(), 0.0);
         appearance.highest().response / trained
     }
@@ -389,6 +434,7 @@ mod tests {
         let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
         let mut cropper = Cropper::default();
         let (mut appearance, _) = Appearance::new(&params, None, &frame(&first), &mut cropper, &TARGET);
+        learn_looks(&mut appearance, &mut cropper);
         appearance.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size(), 0.0);
         let upright = appearance.highest();
         // Turned farther the same way, it answers worse, and the look before stays.
@@ -403,14 +449,45 @@ mod tests {
         assert!(distance(appearance.highest().centre, TARGET.centre()) < 1.5, "{:?}", appearance.highest());
     }
 
+    /// What a mark costs, counted: a run of the network and a few steps for the true look, and then as much, or less, for each
+    /// altered one, in a frame of its own.
+    #[test]
+    fn a_mark_costs_one_run_of_the_network_and_each_later_frame_one_look_more() {
+        let params = Params::default().lcmht;
+        let cnn = network(&params, &Networks::default()).unwrap();
+        let runs = |cnn: &Option<SharedCnn>| cnn::locked(cnn.as_ref().unwrap()).runs;
+        let data = scene(1);
+        let frame = Frame::new(&data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
+        let mut cropper = Cropper::default();
+        let (mut appearance, _) = Appearance::new(&params, cnn.clone(), &frame, &mut cropper, &TARGET);
+        assert_eq!((runs(&cnn), appearance.filters.steps()), (1, vec![FIRST_STEPS; 2]));
+        // Blurred, and larger and smaller, for both filters; then mirrored, and turned, for the network's alone.
+        const WEAK: usize = 4;
+        const ALL: usize = 9;
+        for look in 1..=ALL {
+            appearance.learn_look(&mut cropper);
+            let steps = [look.min(WEAK), look].map(|looks| FIRST_STEPS + LOOK_STEPS * looks);
+            assert_eq!((runs(&cnn), appearance.filters.steps()), (1 + look, steps.to_vec()));
+        }
+        appearance.learn_look(&mut cropper);
+        assert_eq!(runs(&cnn), 1 + ALL, "nothing is left to learn");
+    }
+
+    fn learn_looks(appearance: &mut Appearance, cropper: &mut Cropper) {
+        while !appearance.looks.is_empty() {
+            appearance.learn_look(cropper);
+        }
+    }
+
     /// The response map of a filter trained on the first frame, to a scene that is a little blurred.
     fn responses(change: impl Fn(&mut LcmhtParams)) -> Vec<f32> {
         let mut params = Params::default().lcmht;
         change(&mut params);
         let [first, then] = [scene(1), scene(3)];
         let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
-        let (mut cropper, cnn) = (Cropper::default(), network(&params, None).unwrap());
+        let (mut cropper, cnn) = (Cropper::default(), network(&params, &Networks::default()).unwrap());
         let (mut appearance, _) = Appearance::new(&params, cnn, &frame(&first), &mut cropper, &TARGET);
+        learn_looks(&mut appearance, &mut cropper);
         appearance.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size(), 0.0);
         appearance.view.response
     }

@@ -18,8 +18,9 @@ use crate::features::layers::{Extractor, Source};
 use crate::geometry::Rect;
 use crate::params::{FilterKind, LcmhtCnn, LcmhtFilter, LcmhtParams};
 
-/// Conjugate-gradient steps on the first frame's samples of a masked filter.
-const FIRST_STEPS: usize = 30;
+/// Conjugate-gradient steps of a masked filter on the first frame's sample, and on each altered look at it once that has come.
+pub(super) const FIRST_STEPS: usize = 12;
+pub(super) const LOOK_STEPS: usize = 3;
 
 /// What is learned of samples, and answers to them.
 pub(super) enum Filters {
@@ -32,6 +33,8 @@ pub(super) struct Part {
     filter: MaskedFilter,
     /// The altered looks at the first frame's target that it learns.
     looks: Vec<Look>,
+    /// How many of them it has learned.
+    learned: usize,
     /// Share of its response in that of all.
     share: f32,
     response: Vec<f32>,
@@ -66,37 +69,52 @@ impl Filters {
                 regularisation: role.regularisation as f32,
             };
             let filter = MaskedFilter::new(settings, fft, role.channels, &label, &mask);
-            Part { filter, looks, share: role.share as f32, response: vec![0.0; rows * cols] }
+            Part { filter, looks, learned: 0, share: role.share as f32, response: vec![0.0; rows * cols] }
         });
         Self::Masked(parts.collect())
     }
 
-    /// Learns the first frame's sample, and those that `altered` makes of altered looks at it.
-    pub(super) fn learn_first(
-        &mut self,
-        fft: &mut Fft2,
-        sample: &Sample,
-        mut altered: impl FnMut(&Look, &mut Fft2, &mut Sample),
-    ) {
+    /// Learns the first frame's sample. The altered looks at it are to follow: see [`learn_look`](Self::learn_look).
+    pub(super) fn learn_first(&mut self, fft: &mut Fft2, sample: &Sample) {
         let parts = match self {
             Self::Masked(parts) => parts,
             Self::Kernelised(filter) => return filter.learn(fft, sample, 1.0),
         };
-        for part in parts.iter_mut() {
+        for part in parts {
             part.filter.remember(sample, 1.0);
+            part.filter.await_looks((0..part.looks.len()).map(|i| augment::rate(i, part.looks.len())));
+            part.filter.train(fft, FIRST_STEPS);
         }
-        let mut other = Sample::default();
-        let most = parts.iter().map(|part| &part.looks).max_by_key(|looks| looks.len()).cloned();
-        for look in most.iter().flatten() {
-            altered(look, fft, &mut other);
-            for part in parts.iter_mut() {
-                if let Some(i) = part.looks.iter().position(|own| own == look) {
-                    part.filter.remember(&other, augment::rate(i, part.looks.len()));
-                }
+    }
+
+    /// The altered looks that are to be learned, in this order.
+    pub(super) fn looks(&self) -> &[Look] {
+        match self {
+            // The looks that a part learns are the first of those that another learns as well.
+            Self::Masked(parts) => {
+                parts.iter().map(|part| &part.looks).max_by_key(|looks| looks.len()).map_or(&[], |l| l)
+            }
+            Self::Kernelised(_) => &[],
+        }
+    }
+
+    /// Learns the sample of the next of the [`looks`](Self::looks).
+    pub(super) fn learn_look(&mut self, fft: &mut Fft2, sample: &Sample) {
+        if let Self::Masked(parts) = self {
+            for part in parts.iter_mut().filter(|part| part.learned < part.looks.len()) {
+                part.filter.remember_look(sample);
+                part.filter.train(fft, LOOK_STEPS);
+                part.learned += 1;
             }
         }
-        for part in parts {
-            part.filter.train(fft, FIRST_STEPS);
+    }
+
+    /// Conjugate-gradient steps of each part since the start.
+    #[cfg(test)]
+    pub(super) fn steps(&self) -> Vec<usize> {
+        match self {
+            Self::Masked(parts) => parts.iter().map(|part| part.filter.steps).collect(),
+            Self::Kernelised(_) => Vec::new(),
         }
     }
 

@@ -68,6 +68,7 @@ impl Pattern {
             found = self.scale.resized(frame, cropper, &found);
             self.learn(frame, cropper, &found);
         }
+        self.appearance.learn_look(cropper);
         Recognised { rect: found, state, confidence: self.confidence.reported(response) }
     }
 
