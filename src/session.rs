@@ -108,11 +108,11 @@ impl Session {
 
     /// Takes up the target in `rect` of a frame that has passed, and follows it alone through those that came after it,
     /// in order, up to the one that the session was stepped into last. Otherwise as [`Session::start_as`].
-    pub fn start_from(
+    pub fn start_from<'a, 'b: 'a>(
         &mut self,
         id: Option<&str>,
         frame: &Frame,
-        later: &[Frame],
+        later: impl IntoIterator<Item = &'a Frame<'b>>,
         rect: Rect,
         trace: &mut dyn Trace,
     ) -> Result<&Output, StartError> {
@@ -230,7 +230,13 @@ impl Session {
         self.zoom = Zoom::new([frame.width(), frame.height()]);
     }
 
-    fn begin(&mut self, mark: Mark, frame: &Frame, later: &[Frame], trace: &mut dyn Trace) {
+    fn begin<'a, 'b: 'a>(
+        &mut self,
+        mark: Mark,
+        frame: &Frame,
+        later: impl IntoIterator<Item = &'a Frame<'b>>,
+        trace: &mut dyn Trace,
+    ) {
         self.marks.retain(|other| other.id != mark.id);
         let is_first = std::mem::take(&mut self.fresh) || (self.marks.is_empty() && !self.tracker.finds());
         if is_first {

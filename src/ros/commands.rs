@@ -1,18 +1,22 @@
 //! What users ask of the node: marks on `~/init_roi` and `~/init_detection`, and the services `~/stop` and `~/restart`.
 
 use std::sync::Arc;
+use std::time::Instant;
 
-use futures::{StreamExt, join};
+use futures::StreamExt;
 use log::error;
 use ros2_client::Subscription;
 use serde::de::DeserializeOwned;
-use smol::channel::{Sender, bounded};
+use smol::channel::bounded;
 
 use super::convert::Mark;
 use super::endpoints::Endpoints;
 use super::fault::Fault;
-use super::inbox::{Command, Inbox};
+use super::inbox::Inbox;
+use super::logging::{Throttle, held_back};
 use super::messages::{Detection2D, RegionOfInterest, Topic, TriggerRequest, TriggerResponse, trigger};
+use super::part::Part;
+use super::queue::{Command, Replies};
 use super::service::Service;
 
 type Trigger = Service<TriggerRequest, TriggerResponse>;
@@ -39,13 +43,13 @@ impl Commands {
     }
 
     /// Passes what comes to the worker, for ever.
-    pub async fn serve(&self) {
-        join!(
-            self.marks(&self.init_roi),
-            self.marks(&self.init_detection),
-            self.answer(&self.stop, Command::Stop),
-            self.answer(&self.restart, Command::Restart)
-        );
+    pub fn parts(&self) -> Vec<Part<'_>> {
+        vec![
+            Part::new("marks on ~/init_roi", self.marks(&self.init_roi)),
+            Part::new("marks on ~/init_detection", self.marks(&self.init_detection)),
+            Part::new("the service ~/stop", self.answer(&self.stop, Command::Stop)),
+            Part::new("the service ~/restart", self.answer(&self.restart, Command::Restart)),
+        ]
     }
 
     async fn marks<M: Topic + DeserializeOwned>(&self, topic: &Subscription<M>)
@@ -53,21 +57,28 @@ impl Commands {
         Mark: for<'a> From<&'a M>,
     {
         let mut marks = Box::pin(topic.async_stream());
+        let mut throttle = Throttle::default();
         while let Some(mark) = marks.next().await {
             match mark {
                 Ok((mark, _)) => self.inbox.send(Command::Mark(Mark::from(&mark))),
-                Err(why) => error!("mark refused: {why}"),
+                Err(why) => {
+                    if let Some(held) = throttle.pass((), Instant::now()) {
+                        error!("mark refused: {why}{}", held_back(held));
+                    }
+                }
             }
         }
     }
 
-    /// Each request waits for the worker's answer, which comes between two frames.
-    async fn answer(&self, service: &Trigger, command: impl Fn(Sender<TriggerResponse>) -> Command) {
-        let answer = async |_| {
+    /// Each request waits for the worker's answer, which comes between two frames, together with all others for the same.
+    async fn answer(&self, service: &Trigger, command: impl Fn(Replies) -> Command) {
+        let answer = |_| {
             let (reply, answer) = bounded(1);
-            self.inbox.send(command(reply));
-            let message = "the node is shutting down".to_owned();
-            answer.recv().await.unwrap_or(TriggerResponse { success: false, message })
+            self.inbox.send(command(vec![reply]));
+            async move {
+                let message = "the node is shutting down".to_owned();
+                answer.recv().await.unwrap_or(TriggerResponse { success: false, message })
+            }
         };
         service.serve(answer).await;
     }

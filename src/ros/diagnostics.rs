@@ -1,7 +1,7 @@
 //! What the node says of its health on `/diagnostics`, once a second: images, targets, network.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use futures::StreamExt;
@@ -30,7 +30,7 @@ pub struct Diagnostics {
     stats: Arc<Stats>,
 }
 
-/// The counts of images at one time.
+/// The counts at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Counts {
     at: Instant,
@@ -38,16 +38,24 @@ struct Counts {
     missed: u64,
     rejected: u64,
     skipped: u64,
+    superseded: u64,
     published: u64,
     unsent: u64,
 }
 
 impl Counts {
     fn read(stats: &Stats) -> Self {
-        let [received, missed, rejected, skipped, published, unsent] =
-            [&stats.received, &stats.missed, &stats.rejected, &stats.skipped, &stats.published, &stats.unsent]
-                .map(|counter| counter.load(Relaxed));
-        Self { at: Instant::now(), received, missed, rejected, skipped, published, unsent }
+        let read = |counter: &AtomicU64| counter.load(Relaxed);
+        Self {
+            at: Instant::now(),
+            received: read(&stats.received),
+            missed: read(&stats.missed),
+            rejected: read(&stats.rejected),
+            skipped: read(&stats.skipped),
+            superseded: read(&stats.superseded),
+            published: read(&stats.published),
+            unsent: read(&stats.unsent),
+        }
     }
 }
 
@@ -157,6 +165,7 @@ fn targets([tracking, uncertain, lost]: [usize; 3], latency: &str, last: &Counts
         ("rate (Hz)", format!("{:.1}", rate(now.published - last.published, last, now))),
         ("latency, min / mean / max (ms)", latency.to_owned()),
         ("messages unsent", now.unsent.to_string()),
+        ("marks superseded", now.superseded.to_string()),
     ];
     let level = if lost > 0 || unsent { WARN } else { OK };
     Part { name: "targets", level, message, values }
@@ -176,7 +185,7 @@ mod tests {
     use super::*;
 
     fn counts(at: Instant, [received, missed, skipped]: [u64; 3]) -> Counts {
-        Counts { at, received, missed, rejected: 4, skipped, published: received, unsent: 0 }
+        Counts { at, received, missed, rejected: 4, skipped, superseded: 2, published: received, unsent: 0 }
     }
 
     #[test]

@@ -25,9 +25,17 @@ pub enum Fault {
     /// DDS or the operating system refused something.
     #[error("cannot {what}: {why}")]
     System { what: String, why: String },
-    /// A thread of the node came to its end by itself.
-    #[error("the {0} thread ended unexpectedly")]
-    Thread(&'static str),
+    /// A thread of the node or of the DDS library came to its end by itself.
+    #[error("the {name} thread ended unexpectedly: {why}")]
+    Thread { name: String, why: String },
+    /// The process takes more memory than it may.
+    #[error(
+        "resident memory of {resident_mb} MB is more than the {limit_mb} MB that parameter 'limits.memory_mb' allows: the node ends itself"
+    )]
+    Memory { resident_mb: u64, limit_mb: u64 },
+    /// The process did not come to its end when it should.
+    #[error("still running {seconds:.1} s after the node was to end, so the process is ended: {threads}")]
+    Hung { seconds: f64, threads: String },
 }
 
 impl Fault {
@@ -41,7 +49,7 @@ impl Fault {
     pub fn report(&self) -> ExitCode {
         eprintln!("error: {}", self.to_string().replace('\n', " "));
         match self {
-            Self::System { .. } | Self::Thread(_) => ExitCode::from(1),
+            Self::System { .. } | Self::Thread { .. } | Self::Memory { .. } | Self::Hung { .. } => ExitCode::from(1),
             _ => ExitCode::from(2),
         }
     }

@@ -48,6 +48,11 @@ impl History {
         self.frames.iter()
     }
 
+    /// The newest of them.
+    pub fn newest(&self) -> Option<&Arc<Received>> {
+        self.frames.back()
+    }
+
     fn shrink(&mut self) {
         let (frames, bytes) = (self.limits.frames as usize, self.limits.megabytes as usize * 1_000_000);
         while self.frames.len() > frames || (self.bytes > bytes && !self.frames.is_empty()) {

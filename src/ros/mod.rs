@@ -11,11 +11,14 @@
 //! | worker | [`worker`] | the inbox: the newest image and commands; steps the session, publishes tracks |
 //! | debug | [`debug`] | a frame to draw, which the worker hands over only while somebody looks |
 //! | spin | [`commands`], [`parameter_services`], [`service`], [`diagnostics`] | discovery, marks, service calls, a clock |
+//! | supervisor | [`supervisor`] | signals, the end of any thread, a clock; looks after memory, ends a process that hangs |
 //!
-//! [`history`] keeps the frames that a mark may name. [`messages`] are the types on the wire, [`convert`] goes from them to the core's types and back, [`logging`] sends
+//! [`queue`] and [`budget`] say which marks the worker obeys and when, so that images win. [`history`] keeps the frames that
+//! a mark may name. [`messages`] are the types on the wire, [`convert`] goes from them to the core's types and back, [`logging`] sends
 //! log lines to the terminal and to `/rosout`, [`stats`] counts, and [`diagnostics`] tells of it.
 
 pub mod args;
+pub mod budget;
 pub mod commands;
 pub mod debug;
 pub mod diagnostics;
@@ -30,9 +33,13 @@ pub mod names;
 pub mod node;
 pub mod parameter_services;
 pub mod parameters;
+pub mod part;
+pub mod process;
+pub mod queue;
 pub mod receive;
 pub mod service;
 pub mod stats;
+pub mod supervisor;
 pub mod waiting;
 pub mod worker;
 
@@ -43,8 +50,8 @@ pub use crate::messages::{self, convert};
 
 /// Runs the node with the arguments of a process, the first being the program's name, until a signal ends it.
 ///
-/// The exit code is 0 after SIGINT or SIGTERM, 1 where it failed while running, 2 where the arguments, a parameter
-/// file or the environment cannot be used; then one line on standard error says why.
+/// The exit code is 0 after SIGINT or SIGTERM, 1 where it failed while running or hung at the end, 2 where the arguments, a
+/// parameter file or the environment cannot be used; then one line on standard error says why.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let args = match args::parse(args) {
         Ok(args) => args,

@@ -1,11 +1,11 @@
 //! The node as a whole: puts its parts together, starts their threads, and takes it all down at a signal.
 
 use std::sync::Arc;
-use std::thread::{Builder, JoinHandle};
+use std::thread::JoinHandle;
 
 use log::{error, info, warn};
 use ros2_client::{Name, Node};
-use smol::channel::{Receiver, Sender, bounded, unbounded};
+use smol::channel::{Receiver, Sender, bounded};
 
 use super::args::Args;
 use super::commands::Commands;
@@ -19,17 +19,13 @@ use super::logging;
 use super::names::Names;
 use super::parameter_services::ParameterServices;
 use super::parameters::{Settings, Store};
+use super::part::{Part, first_to_end};
 use super::receive::{Receive, Source};
 use super::stats::Stats;
+use super::supervisor::Supervisor;
 use super::worker::Worker;
 use crate::params::{ImageTransport, NodeName};
 use crate::session::Session;
-
-/// Why the node ends.
-enum End {
-    Signal,
-    Thread(&'static str),
-}
 
 /// Runs the node until a signal comes.
 pub fn run(args: Args) -> Result<(), Fault> {
@@ -38,6 +34,8 @@ pub fn run(args: Args) -> Result<(), Fault> {
     let environment = Environment::read()?;
     let image_topic = names.topic("image")?;
     let settings = Settings::new(&image_topic.to_string()).load(&args.parameters, names.node())?;
+    // It is there before anything that may hang or grow, so that a signal always ends the node.
+    let supervisor = Supervisor::start(settings.params.limits.memory_mb.unsigned_abs())?;
     if let Some(warning) = env::buffer_warning() {
         warn!("{warning}");
     }
@@ -47,22 +45,16 @@ pub fn run(args: Args) -> Result<(), Fault> {
         ImageTransport::Compressed => names.transported("image", "compressed")?,
     };
     let session = Session::new(settings.params.clone())?;
-    // The handler is there before the node is, so that a signal always ends in an orderly way.
-    let (ended, end) = unbounded();
-    let signalled = ended.clone();
-    ctrlc::set_handler(move || drop(signalled.try_send(End::Signal)))
-        .map_err(|e| Fault::system("handle signals", e))?;
-
     let name = names.node().full();
-    let threads =
-        Threads::start(Endpoints::new(environment.context()?, names)?, &source_topic, session, settings, ended)?;
+    let endpoints = Endpoints::new(environment.context()?, names)?;
+    let threads = Threads::start(endpoints, &source_topic, session, settings, &supervisor)?;
     info!("{name} waits for images on {source_topic}");
-    let reason = end.recv_blocking();
-    threads.stop();
-    match reason {
-        Ok(End::Thread(name)) => Err(Fault::Thread(name)),
-        Ok(End::Signal) | Err(_) => Ok(()),
+    let reason = supervisor.wait();
+    if let Err(fault) = &reason {
+        error!("{fault}");
     }
+    threads.stop();
+    reason
 }
 
 /// The running threads, and how to end them.
@@ -82,11 +74,10 @@ impl Threads {
         topic: &Name,
         session: Session,
         settings: Settings,
-        ended: Sender<End>,
+        supervisor: &Supervisor,
     ) -> Result<Self, Fault> {
-        let (inbox, stats) = (Arc::new(Inbox::default()), Arc::new(Stats::default()));
+        let (inbox, stats) = (Arc::new(Inbox::new(&settings.params)), Arc::new(Stats::default()));
         let (open, closed) = bounded(1);
-        inbox.limit_history(&settings.params.history);
         let qos = settings.image_qos();
         let receive = Receive {
             source: match settings.params.general.image_transport {
@@ -114,37 +105,27 @@ impl Threads {
         let worker =
             Worker { inbox: inbox.clone(), session, tracks, detections, debug: feed.clone(), stats: stats.clone() };
         let spin = move || {
-            let work = async {
-                let served = futures::join!(spinner.spin(), commands.serve(), parameters.serve(), diagnostics.serve());
-                if let Err(why) = served.0 {
+            let discovery = async {
+                if let Err(why) = spinner.spin().await {
                     error!("discovery ended: {why}");
                 }
             };
-            smol::block_on(smol::future::or(work, until(&closed)));
+            let mut parts = vec![Part::new("discovery", discovery), Part::new("diagnostics", diagnostics.serve())];
+            parts.extend(commands.parts());
+            parts.extend(parameters.parts());
+            let ended = async { Some(format!("{} came to an end", first_to_end(parts).await)) };
+            smol::block_on(smol::future::or(ended, until(&closed)))
         };
         let draw = feed.clone();
-        let mut threads = Self { handles: Vec::new(), inbox, feed, stats, node, open };
-        threads.spawn("spin", &ended, spin)?;
-        threads.spawn("worker", &ended, move || worker.run())?;
-        threads.spawn("debug", &ended, move || draw.run())?;
-        threads.spawn("receive", &ended, move || receive.run())?;
-        Ok(threads)
-    }
-
-    /// Starts a thread whose end, by panic or not, ends the node.
-    fn spawn(
-        &mut self,
-        name: &'static str,
-        ended: &Sender<End>,
-        body: impl FnOnce() + Send + 'static,
-    ) -> Result<(), Fault> {
-        let guard = Guard(name, ended.clone());
-        let thread = Builder::new().name(name.to_owned()).spawn(move || {
-            let _guard = guard;
-            body();
-        });
-        self.handles.push(thread.map_err(|e| Fault::system(format!("start the {name} thread"), e))?);
-        Ok(())
+        supervisor.watch_library();
+        let done = |()| None;
+        let handles = vec![
+            supervisor.spawn("spin", spin)?,
+            supervisor.spawn("worker", move || done(worker.run()))?,
+            supervisor.spawn("debug", move || done(draw.run()))?,
+            supervisor.spawn("receive", move || done(receive.run()))?,
+        ];
+        Ok(Self { handles, inbox, feed, stats, node, open })
     }
 
     /// Ends all threads, waits for them, and takes the node off the network.
@@ -164,15 +145,8 @@ impl Threads {
     }
 }
 
-/// Tells when a thread ends.
-struct Guard(&'static str, Sender<End>);
-
-impl Drop for Guard {
-    fn drop(&mut self) {
-        let _ = self.1.try_send(End::Thread(self.0));
-    }
-}
-
-async fn until(closed: &Receiver<()>) {
+/// Nothing more than the end of the node.
+async fn until(closed: &Receiver<()>) -> Option<String> {
     let _ = closed.recv().await;
+    None
 }

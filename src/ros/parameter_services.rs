@@ -2,9 +2,9 @@
 //!
 //! The library's own would describe nothing, know no ranges and check one value at a time.
 
+use std::future::ready;
 use std::sync::Arc;
 
-use futures::join;
 use log::{info, warn};
 use ros2_client::parameters::raw;
 use ros2_client::rcl_interfaces::{
@@ -16,8 +16,9 @@ use ros2_client::{Publisher, ServiceTypeName, builtin_interfaces};
 
 use super::endpoints::Endpoints;
 use super::fault::Fault;
-use super::inbox::{Command, Inbox};
+use super::inbox::Inbox;
 use super::parameters::{Settings, Store};
+use super::part::Part;
 use super::service::Service;
 use crate::error::ParamsError;
 use crate::params::{Assignment, Kind, Range, Value};
@@ -57,30 +58,40 @@ impl ParameterServices {
     }
 
     /// Answers requests for ever.
-    pub async fn serve(&self) {
+    pub fn parts(&self) -> Vec<Part<'_>> {
         let current = || self.store.current();
-        join!(
-            self.get.serve(async |q| GetParametersResponse { values: values(&current(), &q.names) }),
-            self.get_types.serve(async |q| GetParameterTypesResponse { values: types(&current(), &q.names) }),
-            self.list.serve(async |q| ListParametersResponse { result: list(&current(), &q.prefixes, q.depth) }),
-            self.describe.serve(async |q| DescribeParametersResponse { values: descriptions(&current(), &q.names) }),
-            self.set.serve(async |q| {
-                let mut results = Vec::new();
-                for parameter in q.parameter {
-                    results.push(self.change(vec![parameter]).await);
-                }
-                SetParametersResponse { results }
-            }),
-            self.set_atomically
-                .serve(async |q| SetParametersAtomicallyResponse { result: self.change(q.parameter).await }),
-        );
+        let get = move |q: GetParametersRequest| GetParametersResponse { values: values(&current(), &q.names) };
+        let types =
+            move |q: GetParameterTypesRequest| GetParameterTypesResponse { values: types(&current(), &q.names) };
+        let list =
+            move |q: ListParametersRequest| ListParametersResponse { result: list(&current(), &q.prefixes, q.depth) };
+        let describe = move |q: DescribeParametersRequest| DescribeParametersResponse {
+            values: descriptions(&current(), &q.names),
+        };
+        let set = async |q: SetParametersRequest| {
+            let mut results = Vec::new();
+            for parameter in q.parameter {
+                results.push(self.change(vec![parameter]).await);
+            }
+            SetParametersResponse { results }
+        };
+        let set_atomically =
+            async |q: SetParametersRequest| SetParametersAtomicallyResponse { result: self.change(q.parameter).await };
+        vec![
+            Part::new("the service get_parameters", self.get.serve(move |q| ready(get(q)))),
+            Part::new("the service get_parameter_types", self.get_types.serve(move |q| ready(types(q)))),
+            Part::new("the service list_parameters", self.list.serve(move |q| ready(list(q)))),
+            Part::new("the service describe_parameters", self.describe.serve(move |q| ready(describe(q)))),
+            Part::new("the service set_parameters", self.set.serve(set)),
+            Part::new("the service set_parameters_atomically", self.set_atomically.serve(set_atomically)),
+        ]
     }
 
     async fn change(&self, changes: Vec<raw::Parameter>) -> raw::SetParametersResult {
         match self.taken(changes).await {
             Ok((settings, different)) => {
                 if !different.is_empty() {
-                    self.inbox.send(Command::Retune(Box::new(settings.params.clone())));
+                    self.inbox.retune(settings.params.clone());
                     self.publish(different);
                 }
                 raw::SetParametersResult { successful: true, reason: String::new() }

@@ -1,6 +1,8 @@
-//! One service: its requests one after another, each answered once the client can hear it.
+//! One service: each request is answered once the client can hear it.
 
+use std::cell::RefCell;
 use std::collections::HashSet;
+use std::future::Future;
 use std::time::Duration;
 
 use futures::StreamExt;
@@ -15,6 +17,8 @@ const PATIENCE: Duration = Duration::from_millis(500);
 const INTERVAL: Duration = Duration::from_millis(5);
 /// From the discovery of a client to the moment when answers reach it.
 const SETTLING: Duration = Duration::from_millis(20);
+/// Requests that are worked on at the same time. More wait in the library, which keeps the newest 64.
+const MOST_REQUESTS: usize = 64;
 
 /// A service offered by the node.
 pub struct Service<Q: Message, A: Message> {
@@ -29,28 +33,35 @@ where
     Q: Message + Clone + 'static,
     A: Message + Clone + 'static,
 {
-    /// Answers requests for ever.
-    pub async fn serve(&self, mut answer: impl AsyncFnMut(Q) -> A) {
-        let mut requests = self.server.receive_request_stream();
-        let mut known = HashSet::new();
-        while let Some(request) = requests.next().await {
-            match request {
-                Ok((id, request)) => {
-                    let response = answer(request).await;
-                    self.wait_for(&id, &mut known).await;
-                    if let Err(why) = self.server.async_send_response(id, response).await {
-                        warn!("a response could not be sent: {why}");
-                    }
+    /// Answers requests for ever. They are given to `answer` one after another, in the order of their arrival; what it
+    /// waits for, and a client that is not known yet, hold up no other request.
+    pub async fn serve<F: Future<Output = A>>(&self, mut answer: impl FnMut(Q) -> F) {
+        let known = RefCell::default();
+        let respond = |request| {
+            let request = match request {
+                Ok((id, request)) => Some((id, answer(request))),
+                Err(why) => {
+                    warn!("a request could not be read: {why}");
+                    None
                 }
-                Err(why) => warn!("a request could not be read: {why}"),
+            };
+            let known = &known;
+            async move {
+                let Some((id, response)) = request else { return };
+                let response = response.await;
+                self.wait_for(&id, known).await;
+                if let Err(why) = self.server.async_send_response(id, response).await {
+                    warn!("a response could not be sent: {why}");
+                }
             }
-        }
+        };
+        self.server.receive_request_stream().for_each_concurrent(MOST_REQUESTS, respond).await;
     }
 
     /// Waits for a client that is new. Its request may come before it is known where it listens, and an answer sent
     /// then would be lost.
-    async fn wait_for(&self, id: &RmwRequestId, known: &mut HashSet<Gid>) {
-        if known.contains(&id.writer_gid) {
+    async fn wait_for(&self, id: &RmwRequestId, known: &RefCell<HashSet<Gid>>) {
+        if known.borrow().contains(&id.writer_gid) {
             return;
         }
         let client = GUID::from(id.writer_gid).prefix;
@@ -62,9 +73,9 @@ where
                 let here = |gid: &Gid| {
                     readers.iter().any(|r| r.subscription_topic_data.key().prefix == GUID::from(*gid).prefix)
                 };
-                known.retain(here);
+                known.borrow_mut().retain(here);
                 Timer::after(SETTLING).await;
-                known.insert(id.writer_gid);
+                known.borrow_mut().insert(id.writer_gid);
                 return;
             }
             Timer::after(INTERVAL).await;

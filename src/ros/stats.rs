@@ -21,6 +21,8 @@ pub struct Stats {
     pub rejected: AtomicU64,
     /// Images that were overwritten by newer ones.
     pub skipped: AtomicU64,
+    /// Marks that later ones or stops made void before they were obeyed.
+    pub superseded: AtomicU64,
     /// Images with a message on `~/tracks`.
     pub published: AtomicU64,
     /// Messages that could not be published.
@@ -133,12 +135,14 @@ impl fmt::Display for Stats {
         let times = self.times.lock().unwrap_or_else(PoisonError::into_inner);
         write!(
             f,
-            "images: {} received, {} missed, {} rejected, {} skipped; {} track messages, {} messages unsent; \
+            "images: {} received, {} missed, {} rejected, {} skipped; {} marks superseded; {} track messages, \
+             {} messages unsent; \
              tracker: median {:.2} ms, 95 % {:.2} ms; the rest from arrival to publication: median {:.2} ms, 95 % {:.2} ms",
             self.received.load(Relaxed),
             self.missed.load(Relaxed),
             self.rejected.load(Relaxed),
             self.skipped.load(Relaxed),
+            self.superseded.load(Relaxed),
             self.published.load(Relaxed),
             self.unsent.load(Relaxed),
             times.processing.quantile(0.5),

@@ -1,20 +1,26 @@
-//! The worker thread: applies commands between frames, steps the session on the newest image, publishes the tracks.
+//! The worker thread: steps the session on the newest image, does what was asked for between two images, publishes the
+//! tracks.
 
+use std::mem::{Discriminant, discriminant};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use log::{debug, error, info, warn};
+use log::{Level, debug, error, info, log};
 use ros2_client::Publisher;
 use ros2_client::builtin_interfaces::Time;
 
+use super::budget::{Budget, Cost};
 use super::convert::{Mark, Received, Start, detections, tracks};
 use super::debug::{Feed, Job};
 use super::history::{Named, find};
-use super::inbox::{Command, Inbox, Work};
+use super::inbox::{Inbox, Task, Work};
 use super::logging::{Throttle, held_back};
-use super::messages::{Detection2DArray, TrackArray, TriggerResponse};
+use super::messages::{Detection2DArray, TrackArray};
+use super::queue::{Command, answer};
 use super::stats::{Stats, count};
+use crate::error::StartError;
 use crate::frame::Frame;
+use crate::params::Params;
 use crate::session::Session;
 use crate::trace::Trace;
 use crate::tracker::State;
@@ -36,32 +42,56 @@ pub struct Worker {
 }
 
 /// What is remembered from one piece of work to the next.
-#[derive(Default)]
 struct Memory {
     /// The newest image, on which a mark starts.
     newest: Option<Arc<Received>>,
-    /// Marks on images that have not come yet.
-    pending: Vec<Start>,
+    /// How many images were skipped before it, until that is told.
+    skipped: u32,
+    /// When marks are due.
+    budget: Budget,
     /// The targets that the log was last told are lost.
     lost: Vec<Arc<str>>,
-    throttle: Throttle<&'static str>,
+    throttle: Throttle<Line>,
+}
+
+/// Kinds of lines that peers can cause, each of which is written at most once a second.
+#[derive(PartialEq)]
+enum Line {
+    Marked,
+    Waits,
+    Refused(Discriminant<StartError>),
+    NoImage,
+    Stopped,
+    NoTarget,
+    Unsent(&'static str),
 }
 
 impl Worker {
     /// Runs until the inbox is closed.
     pub fn run(mut self) {
-        let mut memory = Memory::default();
-        while let Some(work) = self.inbox.wait() {
+        let mut memory = Memory {
+            newest: None,
+            skipped: 0,
+            budget: Budget::new(Instant::now()),
+            lost: Vec::new(),
+            throttle: Throttle::default(),
+        };
+        while let Some(work) = self.inbox.wait(|command| memory.budget.wait(self.cost(command), Instant::now())) {
             self.process(work, &mut memory);
         }
     }
 
     fn process(&mut self, work: Work, memory: &mut Memory) {
-        let Work { commands, frame, skipped } = work;
-        count(&self.stats.skipped, skipped.into());
-        let is_new = frame.is_some();
-        if is_new {
-            memory.newest = frame;
+        let Work { params, task, superseded } = work;
+        count(&self.stats.superseded, superseded);
+        if let Some(params) = params {
+            self.retune(*params);
+        }
+        let Some(task) = task else { return };
+        if let Task::Image(frame, skipped) = &task {
+            count(&self.stats.skipped, (*skipped).into());
+            memory.newest = Some(frame.clone());
+            memory.skipped = *skipped;
         }
         let newest = memory.newest.clone();
         let mut scene = newest.as_ref().and_then(|_| self.debug.scene());
@@ -71,27 +101,20 @@ impl Worker {
             None => &mut silent,
         };
         let began = Instant::now();
-        let mut is_due = is_new;
-        let mut has_changed = false;
-        for command in commands {
-            // Parameters hold from the newest image on; and what is followed stands there before others join it.
-            if is_due && !matches!(command, Command::Retune(_)) {
-                is_due = false;
-                self.step(newest.as_ref(), memory, trace);
+        let has_changed = match task {
+            Task::Image(frame, _) => {
+                self.session.step(&frame.frame(), trace);
+                true
             }
-            has_changed |= self.obey(command, newest.as_ref(), memory, trace);
-        }
-        if is_due {
-            self.step(newest.as_ref(), memory, trace);
-        }
-        let Some(newest) = newest.filter(|_| is_new || has_changed) else {
+            Task::Command(command) => self.obey(command, memory, trace),
+        };
+        let Some(newest) = newest.filter(|_| has_changed) else {
             if let Some(scene) = scene {
                 self.debug.keep(scene);
             }
             return;
         };
-        let processing = began.elapsed();
-        self.publish(&newest, skipped, processing, memory);
+        self.publish(&newest, began.elapsed(), memory);
         self.tell(memory);
         if let Some(scene) = scene {
             let output = self.session.output().clone();
@@ -101,123 +124,123 @@ impl Worker {
         }
     }
 
-    /// Follows what there is into a new image, and takes up what was marked on it beforehand.
-    fn step(&mut self, newest: Option<&Arc<Received>>, memory: &mut Memory, trace: &mut dyn Trace) {
-        let Some(frame) = newest else { return };
-        self.session.step(&frame.frame(), trace);
-        for start in std::mem::take(&mut memory.pending) {
-            self.start(start, newest, memory, trace);
+    fn retune(&mut self, params: Params) {
+        if let Err(why) = self.session.retune(params) {
+            error!("parameters refused: {why}");
+        }
+    }
+
+    /// What the command asks of this thread.
+    fn cost(&self, command: &Command) -> Cost {
+        let targets = &self.session.output().targets;
+        let is_full = targets.len() >= self.session.params().general.max_targets as usize;
+        match command {
+            Command::Mark(Mark::Stop(_)) | Command::Stop(_) => Cost::None,
+            Command::Mark(Mark::Start(start)) => {
+                let is_known = targets.iter().any(|target| Some(&*target.id) == start.id.as_deref());
+                if is_known || is_full { Cost::Again } else { Cost::Start }
+            }
+            Command::Restart(_) => Cost::Restart,
         }
     }
 
     /// Does what was asked for; says whether a target was taken up.
-    fn obey(
-        &mut self,
-        command: Command,
-        newest: Option<&Arc<Received>>,
-        memory: &mut Memory,
-        trace: &mut dyn Trace,
-    ) -> bool {
-        match command {
-            Command::Retune(params) => {
-                self.inbox.limit_history(&params.history);
-                if let Err(why) = self.session.retune(*params) {
-                    error!("parameters refused: {why}");
-                }
+    fn obey(&mut self, command: Command, memory: &mut Memory, trace: &mut dyn Trace) -> bool {
+        let cost = self.cost(&command);
+        let began = Instant::now();
+        let has_started = match command {
+            Command::Mark(Mark::Start(start)) => self.start(start, memory, trace),
+            Command::Mark(Mark::Stop(None)) => {
+                self.stop(memory);
+                false
             }
-            Command::Mark(Mark::Start(start)) => return self.start(start, newest, memory, trace),
-            Command::Mark(Mark::Stop(None)) => info!("{}", self.stop(memory)),
             Command::Mark(Mark::Stop(Some(id))) => {
-                memory.pending.retain(|start| start.id.as_ref() != Some(&id));
-                let was = self.session.stop_target(&id);
-                info!("{}", if was { format!("target {id} stopped") } else { format!("no target {id} was followed") });
+                if self.session.stop_target(&id) {
+                    memory.say(Line::Stopped, Level::Info, format!("target {id} stopped"));
+                } else {
+                    memory.say(Line::NoTarget, Level::Info, format!("no target {id} was followed"));
+                }
+                false
             }
-            Command::Stop(reply) => {
-                let message = self.stop(memory).to_owned();
-                info!("{message}");
-                let _ = reply.try_send(TriggerResponse { success: true, message });
+            Command::Stop(replies) => {
+                let message = self.stop(memory);
+                answer(&replies, true, message);
+                false
             }
-            Command::Restart(reply) => {
-                let result = self.restart(newest.map(|frame| &**frame), trace);
+            Command::Restart(replies) => {
+                let result = self.restart(memory, trace);
                 let success = result.is_ok();
-                let message = result.unwrap_or_else(|why| why);
-                let _ = reply.try_send(TriggerResponse { success, message });
-                return success;
+                answer(&replies, success, &result.unwrap_or_else(|why| why));
+                success
             }
+        };
+        if cost != Cost::None {
+            memory.budget.charge(began.elapsed(), Instant::now());
         }
-        false
+        has_started
     }
 
-    /// Takes up a target on the image that the mark names, and follows it up to the newest.
-    fn start(
-        &mut self,
-        start: Start,
-        newest: Option<&Arc<Received>>,
-        memory: &mut Memory,
-        trace: &mut dyn Trace,
-    ) -> bool {
+    /// Takes up a target on the image that the mark names, and follows it up to the newest, unless the node is to end.
+    fn start(&mut self, start: Start, memory: &mut Memory, trace: &mut dyn Trace) -> bool {
         let rect = start.rect;
-        let Some(newest) = newest else {
-            info!("mark {rect} waits for the first image");
-            self.defer(start, memory);
-            return false;
+        let named = match &memory.newest {
+            Some(newest) => find(start.stamp, &self.inbox.kept(), newest),
+            None => {
+                memory.say(Line::Waits, Level::Info, format!("mark {rect} waits for the first image"));
+                self.inbox.put_off(start);
+                return false;
+            }
         };
-        let images = match find(start.stamp, &self.inbox.kept(), newest) {
+        let images = match named {
             Named::Here(images) => images,
             Named::Ahead => {
-                info!("mark {rect} waits for its image");
-                self.defer(start, memory);
+                memory.say(Line::Waits, Level::Info, format!("mark {rect} waits for its image"));
+                self.inbox.put_off(start);
                 return false;
             }
             Named::Unknown(why) => {
-                error!("mark {rect} refused: {why}");
+                memory.say(Line::NoImage, Level::Error, format!("mark {rect} refused: {why}"));
                 return false;
             }
         };
         let frames: Vec<Frame> = images.iter().map(|image| image.frame()).collect();
-        match self.session.start_from(start.id.as_deref(), &frames[0], &frames[1..], rect, trace) {
+        let later = frames[1..].iter().take_while(|_| !self.inbox.is_closed());
+        match self.session.start_from(start.id.as_deref(), &frames[0], later, rect, trace) {
             Ok(output) => {
                 let id = output.targets.last().map_or("", |target| &*target.id);
-                match frames.len() - 1 {
-                    0 => info!("target {id} marked: {rect}"),
-                    later => info!("target {id} marked: {rect}, {later} images ago"),
-                }
-                true
+                let line = match frames.len() - 1 {
+                    0 => format!("target {id} marked: {rect}"),
+                    later => format!("target {id} marked: {rect}, {later} images ago"),
+                };
+                memory.say(Line::Marked, Level::Info, line);
+                !self.inbox.is_closed()
             }
             Err(why) => {
-                error!("mark refused: {why}");
+                memory.say(Line::Refused(discriminant(&why)), Level::Error, format!("mark refused: {why}"));
                 false
             }
         }
     }
 
-    /// Puts a mark by until its image comes. A later one for the same target takes its place, and of more than can be
-    /// followed the latest stand.
-    fn defer(&self, start: Start, memory: &mut Memory) {
-        memory.pending.retain(|other| other.id.is_none() || other.id != start.id);
-        if memory.pending.len() >= self.session.params().general.max_targets as usize {
-            memory.pending.remove(0);
-        }
-        memory.pending.push(start);
-    }
-
     fn stop(&mut self, memory: &mut Memory) -> &'static str {
-        memory.pending.clear();
         let was = self.session.is_active();
         self.session.stop();
-        if was { "stopped" } else { "no target was followed" }
+        let (line, message) = if was { (Line::Stopped, "stopped") } else { (Line::NoTarget, "no target was followed") };
+        memory.say(line, Level::Info, message.to_owned());
+        message
     }
 
-    fn restart(&mut self, newest: Option<&Received>, trace: &mut dyn Trace) -> Result<String, String> {
-        let frame = newest.ok_or("no image has come yet")?;
+    fn restart(&mut self, memory: &mut Memory, trace: &mut dyn Trace) -> Result<String, String> {
+        let frame = memory.newest.as_ref().ok_or("no image has come yet")?;
         let output = self.session.restart(&frame.frame(), trace).map_err(|why| why.to_string())?;
         let boxes: Vec<_> = output.targets.iter().map(|target| target.rect.to_string()).collect();
         let message = format!("restarted: {}", boxes.join(", "));
-        info!("{message}");
+        memory.say(Line::Marked, Level::Info, message.clone());
         Ok(message)
     }
 
-    fn publish(&self, frame: &Received, skipped: u32, processing: Duration, memory: &mut Memory) {
+    fn publish(&self, frame: &Received, processing: Duration, memory: &mut Memory) {
+        let skipped = std::mem::take(&mut memory.skipped);
         let output = self.session.output();
         self.stats.states(&output.targets);
         let algorithm = self.session.params().general.algorithm.name();
@@ -233,9 +256,7 @@ impl Worker {
         }
         for (what, why) in unsent {
             count(&self.stats.unsent, 1);
-            if let Some(held) = memory.throttle.pass(what, Instant::now()) {
-                warn!("{what} not published: {why}{}", held_back(held));
-            }
+            memory.say(Line::Unsent(what), Level::Warn, format!("{what} not published: {why}"));
         }
         let stamp = &frame.header().stamp;
         debug!(
@@ -259,5 +280,14 @@ impl Worker {
         }
         memory.lost.clear();
         memory.lost.extend(targets.iter().filter(|t| t.state == State::Lost).map(|t| t.id.clone()));
+    }
+}
+
+impl Memory {
+    /// Writes a line, unless one of its kind was written just now.
+    fn say(&mut self, kind: Line, level: Level, line: String) {
+        if let Some(held) = self.throttle.pass(kind, Instant::now()) {
+            log!(level, "{line}{}", held_back(held));
+        }
     }
 }

@@ -296,9 +296,10 @@ def named_marks():
     oldest, newest = stamp(camera.index - 11), stamp(camera.index)
     text = lambda stamp: f"{stamp[0]}.{stamp[1]:09}"
     for wrong in [(999, 5), (1000, 5), (2000, 0)]:
-        marks.publish(detection_of(camera.scene.box(camera.index), wrong, "wrong"))
+        mark = detection_of(camera.scene.box(camera.index), wrong, "wrong")
         part = f"no image of {text(wrong)} is kept: the 12 there are bear stamps from {text(oldest)} to {text(newest)}"
-        camera.spin_until(lambda: told(part), f"a line with '{part}'")
+        # A line of a kind is written once a second.
+        camera.spin_until(lambda: marks.publish(mark) or told(part), f"a line with '{part}'")
     assert camera.keep_up(2).tracks[0].id == "ahead", "a refused mark changes nothing"
     marks.publish(detection_of((0, 0, 0, 0), id="nobody"))
     camera.spin_until(lambda: told("no target nobody was followed"), "a line")
