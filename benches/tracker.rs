@@ -127,7 +127,8 @@ fn network(c: &mut Criterion) {
     let window = Rect::around(target(0).centre(), [226.0; 2]);
     for (name, inference) in [("builtin", Inference::Builtin), ("onnxruntime", Inference::OnnxRuntime)] {
         for side in [128, 192, 224] {
-            let settings = cnn::Settings { side, inference, ..cnn::Settings::new(&Params::default().lcmht.cnn) };
+            let settings =
+                cnn::Settings { side, inference, ..cnn::Settings::new(&Params::default().lcmht.cnn, u64::MAX) };
             let Ok(mut cnn) = Cnn::load(settings) else { continue };
             let mut cropper = Cropper::default();
             c.bench_function(&format!("network/{name}/{side}"), |b| {

@@ -38,7 +38,7 @@ impl Trace for Blobs {
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let params = cli::params(&args.params, Some("maptrack"), &args.set)?;
-    let mut source = replay::open(&args.source, None)?;
+    let mut source = replay::open(&args.source, None, &Default::default())?;
     let mut session = Session::new(params)?;
     let mut out = BufWriter::new(std::io::stdout().lock());
     let mut blobs = Blobs::default();

@@ -1,9 +1,18 @@
 //! JPEG and PNG files, and messages that hold such, as frames.
+//!
+//! What an image will take is known from its headers, before anything is made for it.
 
-use image::{DynamicImage, ImageFormat};
+mod jpeg;
+mod png;
+mod tables;
+
+use std::borrow::Cow;
+use std::io::Cursor;
+
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use crate::error::FrameError;
-use crate::frame::{Encoding, FrameBuffer, Stamp};
+use crate::frame::{Encoding, FrameBuffer, MAX_SIDE, Stamp};
 
 /// Why the bytes of an image file do not become a frame.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -11,27 +20,91 @@ pub enum DecodeError {
     /// Neither JPEG nor PNG, or a broken one.
     #[error("cannot be decoded: {0}")]
     Image(String),
+    /// More than may be taken.
+    #[error("image of {width} x {height} takes {} MB to decode, limits.image_mb is {}", megabytes(*needed), most / MB)]
+    TooLarge { width: u32, height: u32, needed: u64, most: u64 },
+    /// Less than the pixels take however they are coded.
+    #[error("cannot be decoded: {len} bytes are too few for {width} x {height} pixels: the data are cut off")]
+    TooShort { width: u32, height: u32, len: usize },
     /// The image was decoded but cannot be tracked on.
     #[error(transparent)]
     Frame(#[from] FrameError),
 }
 
-/// Decodes the bytes of a JPEG or PNG file. Grey stays grey, of 8 or 16 bits; colours of 16 bits become 8; transparency
-/// is ignored.
-pub fn decode(bytes: &[u8], stamp: Stamp) -> Result<FrameBuffer, DecodeError> {
+/// Bytes.
+const MB: u64 = 1_000_000;
+
+/// Rounded up.
+fn megabytes(bytes: u64) -> u64 {
+    bytes.div_ceil(MB)
+}
+
+/// Data that the decoder may be given.
+#[derive(Debug)]
+struct Ready<'a> {
+    bytes: Cow<'a, [u8]>,
+    /// Bytes that the decoder needs beside the pixels.
+    working: u64,
+    /// How many bytes code the pixels, where these are too few for them.
+    too_short: Option<usize>,
+    /// Whether the mark at the end is there. Without it, the data may be cut off, or the camera leaves it out.
+    ended: bool,
+}
+
+/// Decodes the bytes of a JPEG or PNG file whose pixels, with what the decoder needs besides, take `most` bytes at most.
+/// Grey stays grey, of 8 or 16 bits; colours of 16 bits become 8; transparency is ignored.
+pub fn decode(bytes: &[u8], stamp: Stamp, most: u64) -> Result<FrameBuffer, DecodeError> {
     let broken = DecodeError::Image;
     let format =
         image::guess_format(bytes).map_err(|_| broken(format!("{} bytes are neither JPEG nor PNG", bytes.len())))?;
-    if format == ImageFormat::Jpeg && !is_whole_jpeg(bytes) {
-        return Err(broken(format!("the JPEG data is cut off after {} bytes", bytes.len())));
+    let ready = match format {
+        ImageFormat::Jpeg => jpeg::ready(bytes).map_err(broken)?,
+        ImageFormat::Png => png::ready(bytes).map_err(broken)?,
+        _ => Ready { bytes: bytes.into(), working: 0, too_short: None, ended: true },
+    };
+    if ready.ended {
+        return frame(pixels(&ready, format, most)?, stamp);
     }
-    let image = image::load_from_memory_with_format(bytes, format).map_err(|e| broken(e.to_string()))?;
+    // The decoder would fill what is missing with grey.
+    let [one, other] = jpeg::completed(&ready.bytes);
+    let decode = |bytes: Vec<u8>| pixels(&Ready { bytes: bytes.into(), ..ready }, format, most);
+    let decoded = decode(one)?;
+    if decode(other)? == decoded { frame(decoded, stamp) } else { Err(broken(jpeg::cut_off(bytes))) }
+}
+
+/// Decodes what takes no more than it may.
+fn pixels(ready: &Ready, format: ImageFormat, most: u64) -> Result<DynamicImage, DecodeError> {
+    let broken = |error: image::ImageError| DecodeError::Image(error.to_string());
+    let mut reader = ImageReader::with_format(Cursor::new(&*ready.bytes), format);
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(most);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(broken)?;
+    let (width, height) = decoder.dimensions();
+    if width > MAX_SIDE || height > MAX_SIDE {
+        return Err(FrameError::TooLarge { width, height, limit: MAX_SIDE }.into());
+    }
+    let needed = decoder.total_bytes().saturating_add(ready.working);
+    if needed > most {
+        return Err(DecodeError::TooLarge { width, height, needed, most });
+    }
+    if let Some(len) = ready.too_short {
+        return Err(DecodeError::TooShort { width, height, len });
+    }
+    DynamicImage::from_decoder(decoder).map_err(broken)
+}
+
+/// Takes the pixels as they are, or as the nearest that frames know.
+fn frame(image: DynamicImage, stamp: Stamp) -> Result<FrameBuffer, DecodeError> {
     let (width, height) = (image.width(), image.height());
     let (data, encoding) = match image {
         DynamicImage::ImageRgb8(pixels) => (pixels.into_raw(), Encoding::Rgb8),
         DynamicImage::ImageRgba8(pixels) => (pixels.into_raw(), Encoding::Rgba8),
         grey @ (DynamicImage::ImageLuma16(_) | DynamicImage::ImageLumaA16(_)) => {
-            (grey.into_luma16().iter().flat_map(|v| v.to_le_bytes()).collect(), Encoding::Mono16)
+            let values = grey.into_luma16().into_raw();
+            let mut bytes = Vec::with_capacity(2 * values.len());
+            values.into_iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+            (bytes, Encoding::Mono16)
         }
         grey if !grey.color().has_color() => (grey.into_luma8().into_raw(), Encoding::Mono8),
         other => (other.into_rgb8().into_raw(), Encoding::Rgb8),
@@ -40,10 +113,5 @@ pub fn decode(bytes: &[u8], stamp: Stamp) -> Result<FrameBuffer, DecodeError> {
     Ok(FrameBuffer::new(data, width, height, step, encoding, stamp)?)
 }
 
-/// Whether an end marker follows the last start of a scan. The decoder would fill what is missing with grey.
-fn is_whole_jpeg(bytes: &[u8]) -> bool {
-    const SCAN: [u8; 2] = [0xff, 0xda];
-    const END: [u8; 2] = [0xff, 0xd9];
-    let end = bytes.windows(2).rposition(|w| w == END);
-    end.is_some_and(|end| !bytes[end..].windows(2).any(|w| w == SCAN))
-}
+#[cfg(test)]
+mod tests;

@@ -77,6 +77,12 @@ pub enum ParamsError {
     /// The string is none of the choices.
     #[error("parameter '{name}' must be one of {choices}, got '{got}'")]
     Choice { name: String, choices: String, got: String },
+    /// The string or list is longer than any that makes sense.
+    #[error("parameter '{name}' must hold {most} characters or values at most, got {len}")]
+    Long { name: String, len: usize, most: usize },
+    /// More changes than make sense.
+    #[error("{len} parameters at a time are too many, at most {most} are looked at")]
+    Many { len: usize, most: usize },
     /// The parameter is fixed once the program runs.
     #[error("parameter '{name}' is read-only while the program runs")]
     ReadOnly { name: String },
@@ -100,6 +106,9 @@ pub enum NetworkError {
     /// The file cannot be read.
     #[error("network {file} cannot be read: {why}")]
     Unreadable { file: String, why: String },
+    /// The file is larger than may be.
+    #[error("network {file} has {len} bytes, limits.file_mb allows {most}")]
+    TooLarge { file: String, len: u64, most: u64 },
     /// It is no network, or one that cannot be run.
     #[error("network {file} cannot be run, expected an ONNX network of images: {why}")]
     Format { file: String, why: String },

@@ -28,7 +28,7 @@
 //! | [`tracker`] | the interface and one file a tracker; [`tracker::lcmht`], [`tracker::etepf`] and [`tracker::maptrack`] read as their papers |
 //! | [`session`], [`trace`] | one stream with one tracker; what a step shows of its inside |
 //! | [`params`] | the one table of parameters, and files of them |
-//! | [`messages`], [`decode`] | ROS messages as data; JPEG and PNG |
+//! | [`messages`], [`decode`], [`file`](mod@file) | ROS messages as data; JPEG and PNG; files read as a whole |
 //! | [`replay`], [`record`] | frames from folders and bags; the bag that a run leaves |
 //! | [`eval`] | scores of this tracker and others, and the page that shows them |
 //! | [`cli`], [`draw`] | the offline commands; debug pictures |
@@ -59,6 +59,7 @@ pub mod draw;
 pub mod error;
 pub mod eval;
 pub mod features;
+pub mod file;
 pub mod filter;
 pub mod frame;
 pub mod geometry;

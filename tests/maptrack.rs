@@ -319,7 +319,11 @@ const MARGIN: usize = 50;
 
 impl Shaken {
     fn new() -> Self {
-        let image = long_term_tracker::replay::folder::read(std::path::Path::new("assets/demo/img/000.jpg")).unwrap();
+        let image = long_term_tracker::replay::folder::read(
+            std::path::Path::new("assets/demo/img/000.jpg"),
+            &Default::default(),
+        )
+        .unwrap();
         let frame = image.frame();
         let (width, height) = (frame.width() as usize / 2, frame.height() as usize / 2);
         let mut still = Patch::default();

@@ -91,7 +91,7 @@ fn the_motion_of_a_camera_is_recovered_before_a_crowd() {
         eprintln!("SEQUENCES_DIR is not set: nothing was tested of a camera's motion");
         return;
     };
-    let mut source = Folder::open(&PathBuf::from(root).join("_frames/PETS09-S2L1")).unwrap();
+    let mut source = Folder::open(&PathBuf::from(root).join("_frames/PETS09-S2L1"), &Default::default()).unwrap();
     let (mut cropper, mut stabiliser) = (Cropper::default(), Stabiliser::default());
     let (mut whole, mut moved, mut covered) = (Patch::default(), Patch::default(), Vec::new());
     for frame in 0..300 {

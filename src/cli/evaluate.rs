@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 
-use super::{Error, params, progress, rows};
+use super::{Error, params, progress, rows, tell};
 use crate::eval::attributes;
 use crate::eval::dataset::{self, Sequence};
 use crate::eval::page;
@@ -139,7 +139,7 @@ fn finished<'a>(setup: &Setup, sequences: &'a [Sequence], runs: &'a Runs) -> Don
         // What keeps one start from its end keeps them all.
         match runs.iter().map(|run| run[i].as_ref()).collect::<Result<Vec<_>, _>>() {
             Ok(runs) => done.push((sequence, runs)),
-            Err(error) => eprintln!("error: {}, {}: {error}", setup.name, sequence.name),
+            Err(error) => tell(format_args!("error: {}, {}: {error}", setup.name, sequence.name)),
         }
     }
     done
@@ -155,7 +155,7 @@ fn hard(sequences: &[Sequence], limit: usize) -> Vec<Hard> {
     let of = |sequence| match attributes::of(sequence, limit) {
         Ok(attributes) => Some((sequence, attributes)),
         Err(error) => {
-            eprintln!("error: {}: {error}", sequence.name);
+            tell(format_args!("error: {}: {error}", sequence.name));
             None
         }
     };

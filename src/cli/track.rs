@@ -10,7 +10,7 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ImageEncoder, RgbImage, imageops};
 
 use super::timing::{StageClock, per_second};
-use super::{Error, params, progress, rows};
+use super::{Error, params, progress, rows, tell};
 use crate::draw::{self, Scene};
 use crate::frame::Frame;
 use crate::geometry::Rect;
@@ -65,7 +65,7 @@ pub struct Args {
 /// Runs the command to the end of the frames.
 pub fn run(args: &Args) -> Result<(), Error> {
     let params = params(&args.params, args.algorithm.as_deref(), &args.set)?;
-    let mut source = replay::open(&args.source, args.topic.as_deref()).map_err(Error::Source)?;
+    let mut source = replay::open(&args.source, args.topic.as_deref(), &params.limits).map_err(Error::Source)?;
     let finds = params.general.algorithm == Algorithm::Maptrack;
     let target = match target(args, source.as_ref()) {
         Err(Error::NoTarget(_)) if finds => None,
@@ -91,7 +91,7 @@ pub fn run(args: &Args) -> Result<(), Error> {
     let algorithm = session.params().general.algorithm.name();
     let mut bag = args.bag.as_deref().map(|path| Recorder::create(path, algorithm)).transpose()?;
 
-    let bar = progress(source.remaining().map(|n| n + 1));
+    let bar = progress(source.remaining().map(|n| n.saturating_add(1)));
     let begun = Instant::now();
     let mut next = first;
     let mut frames = 0;
@@ -120,7 +120,7 @@ pub fn run(args: &Args) -> Result<(), Error> {
     rows.finish()?;
     bag.map_or(Ok(()), Recorder::finish)?;
     bar.finish_and_clear();
-    eprintln!("{}; {:.1} with reading and writing", watch.0, per_second(frames, begun.elapsed()));
+    tell(format_args!("{}; {:.1} with reading and writing", watch.0, per_second(frames, begun.elapsed())));
     Ok(())
 }
 

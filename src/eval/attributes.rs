@@ -11,6 +11,7 @@ use super::dataset::Sequence;
 use crate::crop::{Cropper, Patch};
 use crate::frame::Frame;
 use crate::geometry::{Rect, distance};
+use crate::params::Limits;
 use crate::replay::{self, ReplayError};
 
 /// Share of the frames in which the rule must hold.
@@ -138,7 +139,7 @@ pub(super) fn visit(
     wanted: &[usize],
     mut show: impl FnMut(usize, &Frame),
 ) -> Result<(), ReplayError> {
-    let mut source = replay::open(&sequence.path, None)?;
+    let mut source = replay::open(&sequence.path, None, &Limits::default())?;
     let mut at = 0;
     for &index in wanted {
         while at < index && source.skip_frame()? {

@@ -91,7 +91,7 @@ pub fn run(
     on_frame: impl Fn(),
 ) -> Result<Run, RunError> {
     let target = sequence.truth.first().copied().flatten().ok_or(RunError::NoTarget)?;
-    let mut source = replay::open(&sequence.path, None)?;
+    let mut source = replay::open(&sequence.path, None, &setup.params.limits)?;
     let mut session = Session::new(start.params(&setup.params))?;
     let mut answers = Vec::with_capacity(sequence.truth.len());
     let mut time = Duration::ZERO;

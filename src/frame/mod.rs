@@ -13,7 +13,7 @@ use crate::error::{FrameError, StartError};
 use crate::geometry::Rect;
 
 /// The largest side a frame may have, in pixels.
-const MAX_SIDE: u32 = 1 << 15;
+pub const MAX_SIDE: u32 = 1 << 15;
 /// The shortest side of a target, in pixels: below, HOG has less than one cell.
 pub const MIN_TARGET_SIDE: f64 = 4.0;
 /// The longest a target may be in units of its shorter side; a search window of a few target sizes does not

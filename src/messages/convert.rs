@@ -31,9 +31,9 @@ impl Received {
         Ok(Self { image: pixels(message, header.stamp())?, header, arrival })
     }
 
-    /// Decodes the message.
-    pub fn decoded(message: CompressedImage, arrival: i64) -> Result<Self, DecodeError> {
-        Ok(Self { image: compressed(&message)?, header: message.header, arrival })
+    /// Decodes the message, whose pixels may take `most` bytes.
+    pub fn decoded(message: CompressedImage, arrival: i64, most: u64) -> Result<Self, DecodeError> {
+        Ok(Self { image: compressed(&message, most)?, header: message.header, arrival })
     }
 
     /// The header, which everything computed from the image bears.
@@ -63,9 +63,10 @@ pub fn raw(image: Image) -> Result<FrameBuffer, FrameError> {
     pixels(image, stamp)
 }
 
-/// The JPEG or PNG image in a message; its bytes tell which, whatever the format is said to be.
-pub fn compressed(image: &CompressedImage) -> Result<FrameBuffer, DecodeError> {
-    let decoded = decode(&image.data, image.header.stamp())?;
+/// The JPEG or PNG image in a message, whose pixels may take `most` bytes; its bytes tell which, whatever the format is said
+/// to be.
+pub fn compressed(image: &CompressedImage, most: u64) -> Result<FrameBuffer, DecodeError> {
+    let decoded = decode(&image.data, image.header.stamp(), most)?;
     let encoding = meant(&image.format, decoded.frame().encoding());
     Ok(decoded.read_as(encoding)?)
 }
@@ -200,6 +201,8 @@ mod tests {
     use super::super::Time;
     use super::*;
 
+    const MOST: u64 = 1_000_000;
+
     fn header() -> Header {
         Header { stamp: Time { sec: 3, nanosec: 5 }, frame_id: "camera".to_owned() }
     }
@@ -299,16 +302,16 @@ mod tests {
             ("mono16; png compressed ", &deep, Encoding::Mono16, [0x12; 3]),
         ] {
             let message = CompressedImage { header: header(), format: format.to_owned(), data: data.clone() };
-            let got = Received::decoded(message, 1).unwrap();
+            let got = Received::decoded(message, 1, MOST).unwrap();
             assert_eq!((got.frame().encoding(), got.header()), (encoding, &header()), "{format}");
             assert_eq!(got.frame().stamp(), Some(3_000_000_005));
             let told = got.frame().rgb(1, 1);
             assert!(told.iter().zip(rgb).all(|(a, b)| a.abs_diff(b) <= 1), "{format}: {told:?}");
         }
         let broken = CompressedImage { data: colour[..colour.len() / 2].to_vec(), ..Default::default() };
-        assert!(Received::decoded(broken, 1).unwrap_err().to_string().starts_with("cannot be decoded: "));
+        assert!(Received::decoded(broken, 1, MOST).unwrap_err().to_string().starts_with("cannot be decoded: "));
         let depth = CompressedImage { data: vec![0; 99], ..Default::default() };
-        let why = Received::decoded(depth, 1).unwrap_err().to_string();
+        let why = Received::decoded(depth, 1, MOST).unwrap_err().to_string();
         assert_eq!(why, "cannot be decoded: 99 bytes are neither JPEG nor PNG");
     }
 

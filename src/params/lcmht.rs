@@ -74,7 +74,7 @@ group! {
     /// Layers of a convolutional network.
     pub struct LcmhtCnn at "lcmht.cnn." {
         enabled: bool = true; "Adds the outputs of a convolutional network to the layers."
-        file: String = ""; "ONNX file of the network; empty takes the embedded one, EfficientNet-Lite0 up to block 10."
+        file: String = "", @fixed; "ONNX file of the network; empty takes the embedded one, EfficientNet-Lite0 up to block 10."
         side: i64 = 192, in 32..=1024, unit "px"; "Side of the network's input, to which the search window is resampled."
         mean: Vec<f64> = vec![127.0; 3]; "What is taken from the intensities (0 to 255) of each input channel."
         scale: Vec<f64> = vec![128.0; 3]; "What the intensities of each input channel are then divided by."
@@ -86,7 +86,7 @@ group! {
         share: f64 = 0.2, in 0.0..=1.0; "Share of that filter's response."
         regularisation: f64 = 0.2, in 1e-8..=10.0; "Weight of that filter's norm."
         inference: Inference = Inference::Auto; "What runs the network."
-        library: String = ""; "ONNX Runtime's shared library; empty takes what ORT_DYLIB_PATH names, otherwise the system's."
+        library: String = "", @fixed; "ONNX Runtime's shared library; empty takes what ORT_DYLIB_PATH names, otherwise the system's."
         threads: i64 = 1, in 1..=64; "Threads that run the network."
     }
 }
@@ -94,6 +94,14 @@ group! {
 /// What intensities may be reduced and divided by at most, and divided by at least: single precision holds what comes of it.
 const GREATEST_INPUT: f64 = 1e6;
 const LEAST_SCALE: f64 = 1e-6;
+/// Outputs of a network that may become layers.
+const MOST_OUTPUTS: usize = 16;
+/// Channels that an output of a network has at most, as far as is known before it is loaded.
+const WIDEST: i64 = 512;
+/// Channels of HOG and colour names.
+const HAND_CRAFTED: [i64; 2] = [31, 11];
+/// Altered looks at the target in the first frame, with the true one: they are remembered beside the other samples.
+const LOOKS: i64 = 12;
 
 impl LcmhtCnn {
     /// Checks that the lists are as long as they must be and hold what they may.
@@ -114,6 +122,9 @@ impl LcmhtCnn {
             return wrong(
                 "lcmht.cnn.outputs must name an output; lcmht.cnn.enabled switches the network off".to_owned(),
             );
+        }
+        if count > MOST_OUTPUTS {
+            return wrong(format!("lcmht.cnn.outputs may name {MOST_OUTPUTS} outputs, got {count}"));
         }
         if self.weights.len() != count || self.components.len() != count {
             return wrong(format!(
@@ -291,6 +302,22 @@ groups! {
 }
 
 impl LcmhtParams {
+    /// About how many values the samples of a target have, all channels and bins together.
+    pub(super) fn sample_values(&self) -> f64 {
+        let LcmhtLayers { joint, hog_components, .. } = self.layers;
+        let [hog, colours] = HAND_CRAFTED;
+        let hand_crafted = if joint { hog } else { hog_components } + colours;
+        let kept = |&components: &i64| if components == 0 { WIDEST } else { components.min(WIDEST) };
+        let network: i64 = if self.cnn.enabled { self.cnn.components.iter().map(kept).sum() } else { 0 };
+        let samples = match self.filter.kind {
+            FilterKind::Masked => self.filter.memory + LOOKS,
+            FilterKind::Kernelised => 2,
+        };
+        // The transform of real values has half as many bins as there are cells, and a column.
+        let bins = self.filter.cells * (self.filter.cells / 2 + 1);
+        [samples, bins, hand_crafted + network].into_iter().map(|n| n as f64).product()
+    }
+
     /// Checks what the parameters of a group, or of several, have to do with each other.
     pub(super) fn check(&self) -> Result<(), ParamsError> {
         self.cnn.check()?;

@@ -5,6 +5,7 @@
 //! `lcmht.rs`, `etepf.rs` and `maptrack.rs`.
 //! A change is checked as a whole and makes a new set, or is refused as a whole: [`Params::with`].
 
+mod bounds;
 mod etepf;
 mod lcmht;
 mod maptrack;
@@ -43,6 +44,9 @@ pub fn descriptor(name: &str) -> Option<&'static Descriptor> {
     DESCRIPTORS.iter().find(|d| d.name == name)
 }
 
+/// Characters of a string, or values of a list, that a parameter may hold. It is told when it is refused.
+pub const MOST_VALUES: usize = 4096;
+
 /// When a change is made: fixed parameters may be set only before the program runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
@@ -70,12 +74,18 @@ impl Params {
             changed.set(name, value, phase)?;
         }
         changed.check()?;
+        if phase == Phase::Running {
+            changed.check_growth(self)?;
+        }
         Ok(changed)
     }
 
     fn set(&mut self, name: &str, value: &Value, phase: Phase) -> Result<(), ParamsError> {
         let descriptor = descriptor(name).ok_or_else(|| unknown(name))?;
         let name = name.to_owned();
+        if value.extent() > MOST_VALUES {
+            return Err(ParamsError::Long { name, len: value.extent(), most: MOST_VALUES });
+        }
         let value = widened(value, descriptor.default.kind());
         if value.kind() != descriptor.default.kind() {
             return Err(ParamsError::Type {
@@ -113,8 +123,18 @@ fn widened(value: &Value, kind: Kind) -> Value {
     }
 }
 
+/// The beginning of a name that may be of any length.
+fn brief(name: &str) -> String {
+    const MOST: usize = 100;
+    match name.char_indices().nth(MOST) {
+        Some((end, _)) => format!("{}...", &name[..end]),
+        None => name.to_owned(),
+    }
+}
+
 /// The error for a name that no parameter bears, with the closest name there is.
-fn unknown(name: &str) -> ParamsError {
+pub fn unknown(name: &str) -> ParamsError {
+    let name = &*brief(name);
     let shared = |a: &str, b: &str| {
         let ends = a.bytes().zip(b.bytes()).take_while(|(x, y)| x == y).count();
         ends + a.bytes().rev().zip(b.bytes().rev()).take_while(|(x, y)| x == y).count()

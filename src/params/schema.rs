@@ -74,6 +74,28 @@ group! {
     }
 }
 
+impl Limits {
+    /// Bytes of a decoded image.
+    pub fn image_bytes(&self) -> u64 {
+        bytes(self.image_mb)
+    }
+
+    /// Bytes of a recorded message.
+    pub fn message_bytes(&self) -> u64 {
+        bytes(self.message_mb)
+    }
+
+    /// Bytes of a network file.
+    pub fn file_bytes(&self) -> u64 {
+        bytes(self.file_mb)
+    }
+}
+
+/// Of a value in MB, which its range keeps positive.
+fn bytes(megabytes: i64) -> u64 {
+    megabytes.unsigned_abs() * 1_000_000
+}
+
 group! {
     /// Debug images.
     pub struct Debug at "debug." {

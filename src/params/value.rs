@@ -39,6 +39,20 @@ impl Value {
     }
 }
 
+impl Value {
+    /// Characters of text, values of a list, or both together; 1 for a single value.
+    pub fn extent(&self) -> usize {
+        match self {
+            Self::Bool(_) | Self::Integer(_) | Self::Double(_) => 1,
+            Self::String(v) => v.len(),
+            Self::BoolArray(v) => v.len(),
+            Self::IntegerArray(v) => v.len(),
+            Self::DoubleArray(v) => v.len(),
+            Self::StringArray(v) => v.len() + v.iter().map(String::len).sum::<usize>(),
+        }
+    }
+}
+
 /// Writes the value as YAML in one line, so that what is printed can be read back.
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -4,12 +4,12 @@
 //! Files follow each other as `metadata.yaml` lists them, and messages within a file by the time at which they were
 //! recorded, which is how rosbag2 plays them.
 
+mod inflate;
 pub mod mcap;
 pub mod metadata;
 pub mod sqlite;
 pub mod topics;
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -19,8 +19,10 @@ use self::metadata::Metadata;
 pub use self::topics::{Picture, TopicInfo};
 use super::truth::FILE_NAME;
 use super::{FrameSource, Origin, ReplayError};
+use crate::file;
 use crate::frame::FrameBuffer;
 use crate::messages::{CompressedImage, Header, Image, Topic, cdr, convert};
+use crate::params::Limits;
 
 /// Why a bag, or a message in it, cannot be read. Each message names the file.
 #[derive(Debug, thiserror::Error)]
@@ -95,7 +97,7 @@ impl Kind {
     fn of(path: &Path) -> std::io::Result<Option<Self>> {
         const LONGEST: u64 = sqlite::MAGIC.len() as u64;
         let mut start = Vec::new();
-        File::open(path)?.take(LONGEST).read_to_end(&mut start)?;
+        file::open(path).map_err(std::io::Error::from)?.0.take(LONGEST).read_to_end(&mut start)?;
         Ok(match start {
             s if s.starts_with(mcap::MAGIC) => Some(Self::Mcap),
             s if s.starts_with(sqlite::MAGIC) => Some(Self::Sqlite),
@@ -104,17 +106,17 @@ impl Kind {
     }
 
     /// What was recorded in the file.
-    fn topics(self, path: &Path) -> Result<Vec<TopicInfo>, BagError> {
+    fn topics(self, path: &Path, limits: &Limits) -> Result<Vec<TopicInfo>, BagError> {
         match self {
-            Self::Mcap => mcap::topics(path),
-            Self::Sqlite => sqlite::topics(path),
+            Self::Mcap => mcap::topics(path, limits),
+            Self::Sqlite => sqlite::topics(path, limits),
         }
     }
 
-    fn messages(self, path: &Path, topic: &str) -> Result<Box<dyn Messages>, BagError> {
+    fn messages(self, path: &Path, topic: &str, limits: &Limits) -> Result<Box<dyn Messages>, BagError> {
         Ok(match self {
-            Self::Mcap => Box::new(mcap::Reader::open(path, topic)?),
-            Self::Sqlite => Box::new(sqlite::Reader::open(path, topic)?),
+            Self::Mcap => Box::new(mcap::Reader::open(path, topic, limits)?),
+            Self::Sqlite => Box::new(sqlite::Reader::open(path, topic, limits)?),
         })
     }
 }
@@ -141,18 +143,19 @@ pub struct Bag {
     remaining: usize,
     message: Recorded,
     header: Header,
+    limits: Limits,
 }
 
 impl Bag {
     /// Opens a folder or a file. Every file is looked at, so that what is missing is known before the first frame.
-    pub fn open(path: &Path, topic: Option<&str>) -> Result<Self, BagError> {
+    pub fn open(path: &Path, topic: Option<&str>, limits: &Limits) -> Result<Self, BagError> {
         let Metadata { files, compressed } = Metadata::of(path)?;
         let mut kinds = Vec::new();
         let mut all = Vec::new();
         for file in files {
             let kind = Kind::of(&file).map_err(|source| BagError::Io { path: file.clone(), source })?;
             let kind = kind.ok_or_else(|| BagError::Kind(file.clone()))?;
-            topics::merge(&mut all, kind.topics(&file)?);
+            topics::merge(&mut all, kind.topics(&file, limits)?);
             kinds.push((file, kind));
         }
         let (info, picture) = topics::choose(path, &all, topic)?;
@@ -169,6 +172,7 @@ impl Bag {
             remaining: usize::try_from(info.count).unwrap_or(usize::MAX),
             message: Recorded::default(),
             header: Header::default(),
+            limits: limits.clone(),
         })
     }
 
@@ -177,7 +181,7 @@ impl Bag {
         loop {
             if self.current.is_none() {
                 let Some((path, kind)) = self.files.next() else { return Ok(false) };
-                let messages = kind.messages(&path, &self.topic)?;
+                let messages = kind.messages(&path, &self.topic, &self.limits)?;
                 self.current = Some((path, messages));
             }
             if let Some((_, messages)) = &mut self.current
@@ -192,7 +196,8 @@ impl Bag {
     /// The frame in the message that was read last.
     fn frame(&mut self) -> Result<FrameBuffer, String> {
         if self.compressed {
-            self.message.bytes = zstd::decode_all(self.message.bytes.as_slice()).map_err(|e| e.to_string())?;
+            let most = usize::try_from(self.limits.message_bytes()).unwrap_or(usize::MAX);
+            self.message.bytes = inflate::zstd(&self.message.bytes, most)?;
         }
         match self.picture {
             Picture::Raw => {
@@ -202,7 +207,8 @@ impl Bag {
             }
             Picture::Compressed => {
                 let image: CompressedImage = self.message()?;
-                let frame = convert::compressed(&image).map_err(|e| format!("format '{}' {e}", image.format));
+                let frame = convert::compressed(&image, self.limits.image_bytes())
+                    .map_err(|e| format!("format '{}' {e}", image.format));
                 self.header = image.header;
                 frame
             }

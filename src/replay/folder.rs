@@ -5,13 +5,15 @@ use std::path::{Path, PathBuf};
 use super::truth::FILE_NAME;
 use super::{FrameBuffer, FrameSource, Origin, ReplayError};
 use crate::decode::decode;
+use crate::file;
+use crate::params::Limits;
 
 /// Names that images end in, in any case.
 pub const EXTENSIONS: [&str; 3] = ["jpg", "jpeg", "png"];
 /// The folder within a sequence's folder that holds its images.
 const IMAGE_FOLDER: &str = "img";
 /// A file of at most so many bytes may be a link in writing; no image is that small.
-const MAX_LINK: usize = 1024;
+const MAX_LINK: u64 = 1024;
 
 /// The images of a folder, sorted by name; numbers within names count as numbers, so that `10` follows `9`.
 #[derive(Debug)]
@@ -20,11 +22,13 @@ pub struct Folder {
     path: PathBuf,
     /// The last image file, as it was read.
     bytes: Vec<u8>,
+    /// Bytes that an image may take.
+    most: u64,
 }
 
 impl Folder {
     /// The images in `path`, or in `path/img` where there is such a folder or a link to one. None at all is an error.
-    pub fn open(path: &Path) -> Result<Self, ReplayError> {
+    pub fn open(path: &Path, limits: &Limits) -> Result<Self, ReplayError> {
         let path = image_folder(path);
         let failed = |source| ReplayError::Io { path: path.clone(), source };
         let mut images = Vec::new();
@@ -38,15 +42,15 @@ impl Folder {
             return Err(ReplayError::NoImages { path });
         }
         alphanumeric_sort::sort_path_slice(&mut images);
-        Ok(Self { images: images.into_iter(), path, bytes: Vec::new() })
+        Ok(Self { images: images.into_iter(), path, bytes: Vec::new(), most: limits.image_bytes() })
     }
 }
 
 impl FrameSource for Folder {
     fn next_frame(&mut self) -> Result<Option<FrameBuffer>, ReplayError> {
         let Some(path) = self.images.next() else { return Ok(None) };
-        self.bytes = load(&path)?;
-        decoded(&path, &self.bytes).map(Some)
+        self.bytes = load(&path, self.most)?;
+        decoded(&path, &self.bytes, self.most).map(Some)
     }
 
     fn skip_frame(&mut self) -> Result<bool, ReplayError> {
@@ -74,7 +78,7 @@ fn image_folder(path: &Path) -> PathBuf {
     if inner.is_dir() {
         return inner;
     }
-    let bytes = std::fs::read(inner).unwrap_or_default();
+    let bytes = file::read(&inner, MAX_LINK).unwrap_or_default();
     let linked = link(&bytes).map(|link| path.join(link)).filter(|folder| folder.is_dir());
     linked.unwrap_or_else(|| path.to_owned())
 }
@@ -87,17 +91,20 @@ fn is_image(path: &Path) -> bool {
 }
 
 /// Reads an image file; see [`decode`].
-pub fn read(path: &Path) -> Result<FrameBuffer, ReplayError> {
-    decoded(path, &load(path)?)
+pub fn read(path: &Path, limits: &Limits) -> Result<FrameBuffer, ReplayError> {
+    let most = limits.image_bytes();
+    decoded(path, &load(path, most)?, most)
 }
 
-fn decoded(path: &Path, bytes: &[u8]) -> Result<FrameBuffer, ReplayError> {
-    decode(bytes, None).map_err(|source| ReplayError::Decode { path: path.to_owned(), source })
+fn decoded(path: &Path, bytes: &[u8], most: u64) -> Result<FrameBuffer, ReplayError> {
+    decode(bytes, None, most).map_err(|source| ReplayError::Decode { path: path.to_owned(), source })
 }
 
-/// The bytes of a file, or of the one it stands for.
-fn load(path: &Path) -> Result<Vec<u8>, ReplayError> {
-    let get = |path: &Path| std::fs::read(path).map_err(|source| ReplayError::Io { path: path.to_owned(), source });
+/// The bytes of a file, or of the one it stands for. No image is larger in its file than it may be in memory.
+fn load(path: &Path, most: u64) -> Result<Vec<u8>, ReplayError> {
+    let get = |path: &Path| {
+        file::read(path, most).map_err(|error| ReplayError::Io { path: path.to_owned(), source: error.into() })
+    };
     let bytes = get(path)?;
     match (link(&bytes), path.parent()) {
         (Some(link), Some(parent)) if is_image(Path::new(link)) => get(&parent.join(link)),
@@ -108,7 +115,7 @@ fn load(path: &Path) -> Result<Vec<u8>, ReplayError> {
 /// What a file links to in writing, relative to its folder: archives and file systems without symbolic links keep such a
 /// link as a small file that holds the path.
 fn link(bytes: &[u8]) -> Option<&str> {
-    let text = (bytes.len() <= MAX_LINK).then(|| std::str::from_utf8(bytes).ok()).flatten()?.trim();
+    let text = (bytes.len() as u64 <= MAX_LINK).then(|| std::str::from_utf8(bytes).ok()).flatten()?.trim();
     (!text.is_empty() && !text.contains(char::is_control)).then_some(text)
 }
 
@@ -133,7 +140,7 @@ mod tests {
         for name in ["f10.png", "f9.jpg", "f1.JPEG", "f100.png", "notes.txt", "._f9.jpg"] {
             std::fs::write(dir.path().join(name), b"").unwrap();
         }
-        let source = Folder::open(dir.path()).unwrap();
+        let source = Folder::open(dir.path(), &Limits::default()).unwrap();
         assert_eq!(source.remaining(), Some(4));
         assert_eq!(source.truth_candidates(), [dir.path().join(FILE_NAME)]);
         assert_eq!(names(source), ["f1.JPEG", "f9.jpg", "f10.png", "f100.png"]);
@@ -144,10 +151,10 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let inner = dir.path().join(IMAGE_FOLDER);
         std::fs::create_dir(&inner).unwrap();
-        let message = Folder::open(dir.path()).unwrap_err().to_string();
+        let message = Folder::open(dir.path(), &Limits::default()).unwrap_err().to_string();
         assert_eq!(message, format!("{}: no images (jpg, jpeg, png) in the folder", inner.display()));
         std::fs::write(inner.join("1.png"), b"").unwrap();
-        let source = Folder::open(dir.path()).unwrap();
+        let source = Folder::open(dir.path(), &Limits::default()).unwrap();
         assert_eq!(source.truth_candidates()[0], dir.path().join(FILE_NAME));
         assert_eq!(names(source), ["1.png"]);
     }
@@ -158,7 +165,7 @@ mod tests {
         let path = dir.path().join("a.png");
         let encoding = |image: DynamicImage| {
             image.save(&path).unwrap();
-            let buffer = read(&path).unwrap();
+            let buffer = read(&path, &Limits::default()).unwrap();
             (buffer.frame().encoding(), buffer.frame().rgb(1, 0))
         };
         let rgb: ImageBuffer<Rgb<u8>, _> = ImageBuffer::from_pixel(3, 2, Rgb([1, 2, 3]));
@@ -180,9 +187,9 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("1.png"), "no image").unwrap();
         gradient().save(dir.path().join("2.png")).unwrap();
-        let mut source = Folder::open(dir.path()).unwrap();
+        let mut source = Folder::open(dir.path(), &Limits::default()).unwrap();
         assert!(source.skip_frame().unwrap());
-        assert_eq!(source.next_frame().unwrap(), Some(read(&dir.path().join("2.png")).unwrap()));
+        assert_eq!(source.next_frame().unwrap(), Some(read(&dir.path().join("2.png"), &Limits::default()).unwrap()));
         assert!(!source.skip_frame().unwrap());
     }
 
@@ -193,15 +200,15 @@ mod tests {
             let path = dir.path().join(name);
             gradient().save(&path).unwrap();
             let whole = std::fs::read(&path).unwrap();
-            assert!(read(&path).is_ok());
+            assert!(read(&path, &Limits::default()).is_ok());
             for share in [0, 1, 20, 50, 90, 99] {
                 std::fs::write(&path, &whole[..whole.len() * share / 100]).unwrap();
-                let message = read(&path).unwrap_err().to_string();
+                let message = read(&path, &Limits::default()).unwrap_err().to_string();
                 assert!(message.starts_with(&format!("{}: cannot be decoded: ", path.display())), "{message}");
             }
         }
         let path = dir.path().join("gone.jpg");
-        assert!(read(&path).unwrap_err().to_string().contains("gone.jpg: No such file"));
+        assert!(read(&path, &Limits::default()).unwrap_err().to_string().contains("gone.jpg: No such file"));
     }
 
     #[test]
@@ -213,15 +220,23 @@ mod tests {
         }
         gradient().save(frames.join("1.png")).unwrap();
         std::fs::write(img.join("1.png"), "../frames/1.png\n").unwrap();
-        assert_eq!(read(&img.join("1.png")).unwrap(), read(&frames.join("1.png")).unwrap());
+        assert_eq!(
+            read(&img.join("1.png"), &Limits::default()).unwrap(),
+            read(&frames.join("1.png"), &Limits::default()).unwrap()
+        );
         std::fs::write(img.join("2.png"), "../frames/2.png").unwrap();
-        assert!(read(&img.join("2.png")).unwrap_err().to_string().contains("frames/2.png: No such file"));
+        assert!(
+            read(&img.join("2.png"), &Limits::default())
+                .unwrap_err()
+                .to_string()
+                .contains("frames/2.png: No such file")
+        );
 
         let sequence = dir.path().join("sequence");
         std::fs::create_dir(&sequence).unwrap();
         std::fs::write(sequence.join("img"), "../frames\n").unwrap();
-        assert_eq!(names(Folder::open(&sequence).unwrap()), ["1.png"]);
+        assert_eq!(names(Folder::open(&sequence, &Limits::default()).unwrap()), ["1.png"]);
         std::fs::write(sequence.join("img"), "../gone").unwrap();
-        assert!(Folder::open(&sequence).unwrap_err().to_string().contains("sequence"));
+        assert!(Folder::open(&sequence, &Limits::default()).unwrap_err().to_string().contains("sequence"));
     }
 }

@@ -13,6 +13,7 @@ use self::bag::{BagError, Picture};
 use crate::decode::DecodeError;
 pub use crate::frame::FrameBuffer;
 use crate::messages::Header;
+use crate::params::Limits;
 
 /// Why recorded frames or boxes cannot be read. Each message names the file.
 #[derive(Debug, thiserror::Error)]
@@ -73,13 +74,13 @@ pub enum Origin<'a> {
 }
 
 /// The frames at `path`: a folder of images, or one that has them in `img/`; or those of a topic of a bag, which may be
-/// left out where there is but one with images.
-pub fn open(path: &Path, topic: Option<&str>) -> Result<Box<dyn FrameSource>, ReplayError> {
+/// left out where there is but one with images. What is read and made of it is bounded by the limits.
+pub fn open(path: &Path, topic: Option<&str>, limits: &Limits) -> Result<Box<dyn FrameSource>, ReplayError> {
     if bag::is_bag(path) {
-        Ok(Box::new(bag::Bag::open(path, topic)?))
+        Ok(Box::new(bag::Bag::open(path, topic, limits)?))
     } else if path.is_dir() {
         match topic {
-            None => Ok(Box::new(folder::Folder::open(path)?)),
+            None => Ok(Box::new(folder::Folder::open(path, limits)?)),
             Some(topic) => Err(ReplayError::NoTopics { path: path.to_owned(), topic: topic.to_owned() }),
         }
     } else if path.exists() {

@@ -3,15 +3,20 @@
 use std::path::Path;
 
 use super::ReplayError;
+use crate::file;
 use crate::geometry::Rect;
 
 /// The file's name beside the images.
 pub const FILE_NAME: &str = "groundtruth_rect.txt";
 
+/// Bytes that such a file may have: a million rows and more.
+const MOST_BYTES: u64 = 64_000_000;
+
 /// The boxes of a file, one a frame: `x,y,w,h` in pixels, separated by commas, tabs or spaces. `None` where the
 /// target is not in view: a number is NaN, or the box has no area. Empty lines are skipped.
 pub fn read(path: &Path) -> Result<Vec<Option<Rect>>, ReplayError> {
-    let text = std::fs::read_to_string(path).map_err(|source| ReplayError::Io { path: path.to_owned(), source })?;
+    let text = file::read_text(path, MOST_BYTES);
+    let text = text.map_err(|error| ReplayError::Io { path: path.to_owned(), source: error.into() })?;
     let rows = text.lines().enumerate().filter(|(_, row)| !row.trim().is_empty());
     rows.map(|(i, row)| {
         let rect = parse(row).map_err(|why| ReplayError::Box {

@@ -1,5 +1,6 @@
 //! What users ask of the node: marks on `~/init_roi` and `~/init_detection`, and the services `~/stop` and `~/restart`.
 
+use std::mem::discriminant;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -62,7 +63,7 @@ impl Commands {
             match mark {
                 Ok((mark, _)) => self.inbox.send(Command::Mark(Mark::from(&mark))),
                 Err(why) => {
-                    if let Some(held) = throttle.pass((), Instant::now()) {
+                    if let Some(held) = throttle.pass(discriminant(&why), Instant::now()) {
                         error!("mark refused: {why}{}", held_back(held));
                     }
                 }

@@ -1,5 +1,6 @@
 //! What keeps the node from starting, or ends it.
 
+use std::io::{self, Write};
 use std::process::ExitCode;
 
 use crate::error::{NetworkError, ParamsError};
@@ -47,7 +48,8 @@ impl Fault {
     /// Writes the line to standard error and gives the exit code: 1 for a failure while running, 2 for what the
     /// caller must change.
     pub fn report(&self) -> ExitCode {
-        eprintln!("error: {}", self.to_string().replace('\n', " "));
+        // Where it cannot be written, the exit code is left.
+        let _ = writeln!(io::stderr(), "error: {}", self.to_string().replace('\n', " "));
         match self {
             Self::System { .. } | Self::Thread { .. } | Self::Memory { .. } | Self::Hung { .. } => ExitCode::from(1),
             _ => ExitCode::from(2),

@@ -96,6 +96,12 @@ impl Inbox {
         self.changed.notify_one();
     }
 
+    /// Counts an image that was overwritten before it got here.
+    pub fn skip(&self) {
+        let state = &mut self.lock();
+        state.skipped = state.skipped.saturating_add(1);
+    }
+
     /// Adds a command. A mark on the newest image is one on that which is the newest now, whenever its turn comes; where
     /// images bear no stamps or none are kept, it is on that which is the newest then.
     pub fn send(&self, mut command: Command) {

@@ -3,11 +3,12 @@
 //! The way in: [`args`] and [`env`](mod@env) say what is wanted, [`names`] resolves what things are called, [`parameters`]
 //! holds the values in force, [`endpoints`] makes topics and services, [`node`] starts the threads and ends them.
 //!
-//! While it runs, an image goes `receive -> inbox -> worker -> debug`:
+//! While it runs, an image goes `receive (-> decode) -> inbox -> worker -> debug`:
 //!
 //! | thread | file | blocks on |
 //! |---|---|---|
-//! | receive | [`receive`] | the next image; decodes it, overwrites the one slot of the inbox |
+//! | receive | [`receive`] | the next image; overwrites the one slot of the inbox, or of the decode thread |
+//! | decode | [`decoder`] | the newest image, where they are compressed; overwrites the one slot of the inbox |
 //! | worker | [`worker`] | the inbox: the newest image and commands; steps the session, publishes tracks |
 //! | debug | [`debug`] | a frame to draw, which the worker hands over only while somebody looks |
 //! | spin | [`commands`], [`parameter_services`], [`service`], [`diagnostics`] | discovery, marks, service calls, a clock |
@@ -21,6 +22,7 @@ pub mod args;
 pub mod budget;
 pub mod commands;
 pub mod debug;
+pub mod decoder;
 pub mod diagnostics;
 pub mod endpoints;
 pub mod env;
@@ -28,6 +30,7 @@ pub mod fault;
 pub mod history;
 pub mod image_qos;
 pub mod inbox;
+pub mod intake;
 pub mod logging;
 pub mod names;
 pub mod node;

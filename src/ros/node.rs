@@ -10,11 +10,13 @@ use smol::channel::{Receiver, Sender, bounded};
 use super::args::Args;
 use super::commands::Commands;
 use super::debug::{Feed, View};
+use super::decoder::{Decoder, Slot};
 use super::diagnostics::Diagnostics;
 use super::endpoints::Endpoints;
 use super::env::{self, Environment};
 use super::fault::Fault;
 use super::inbox::Inbox;
+use super::intake::Intake;
 use super::logging;
 use super::names::Names;
 use super::parameter_services::ParameterServices;
@@ -79,10 +81,17 @@ impl Threads {
         let (inbox, stats) = (Arc::new(Inbox::new(&settings.params)), Arc::new(Stats::default()));
         let (open, closed) = bounded(1);
         let qos = settings.image_qos();
+        let packed = Arc::new(Slot::default());
+        let decoder = Decoder {
+            slot: packed.clone(),
+            intake: Intake::new(inbox.clone(), stats.clone(), topic.to_string()),
+            most: settings.params.limits.image_bytes(),
+        };
+        let is_packed = settings.params.general.image_transport == ImageTransport::Compressed;
         let receive = Receive {
             source: match settings.params.general.image_transport {
                 ImageTransport::Raw => Source::Raw(endpoints.images(topic, qos)?),
-                ImageTransport::Compressed => Source::Compressed(endpoints.images(topic, qos)?),
+                ImageTransport::Compressed => Source::Compressed(endpoints.images(topic, qos)?, packed.clone()),
             },
             topic: topic.clone(),
             qos,
@@ -119,12 +128,15 @@ impl Threads {
         let draw = feed.clone();
         supervisor.watch_library();
         let done = |()| None;
-        let handles = vec![
+        let mut handles = vec![
             supervisor.spawn("spin", spin)?,
             supervisor.spawn("worker", move || done(worker.run()))?,
             supervisor.spawn("debug", move || done(draw.run()))?,
             supervisor.spawn("receive", move || done(receive.run()))?,
         ];
+        if is_packed {
+            handles.push(supervisor.spawn("decode", move || done(decoder.run()))?);
+        }
         Ok(Self { handles, inbox, feed, stats, node, open })
     }
 

@@ -2,26 +2,32 @@
 //!
 //! The library's own would describe nothing, know no ranges and check one value at a time.
 
+use std::cell::RefCell;
+use std::fmt::Arguments;
 use std::future::ready;
+use std::mem::{Discriminant, discriminant};
 use std::sync::Arc;
+use std::time::Instant;
 
-use log::{info, warn};
+use log::{Level, log};
 use ros2_client::parameters::raw;
 use ros2_client::rcl_interfaces::{
     DescribeParametersRequest, DescribeParametersResponse, GetParameterTypesRequest, GetParameterTypesResponse,
     GetParametersRequest, GetParametersResponse, ListParametersRequest, ListParametersResponse, ListParametersResult,
     SetParametersAtomicallyResponse, SetParametersRequest, SetParametersResponse,
 };
-use ros2_client::{Publisher, ServiceTypeName, builtin_interfaces};
+use ros2_client::{Publisher, ServiceTypeName};
 
+use super::clock;
 use super::endpoints::Endpoints;
 use super::fault::Fault;
 use super::inbox::Inbox;
+use super::logging::{Throttle, held_back};
 use super::parameters::{Settings, Store};
 use super::part::Part;
 use super::service::Service;
 use crate::error::ParamsError;
-use crate::params::{Assignment, Kind, Range, Value};
+use crate::params::{self, Assignment, Kind, Range, Value};
 
 /// The services, and where what they set goes.
 pub struct ParameterServices {
@@ -35,6 +41,27 @@ pub struct ParameterServices {
     node: String,
     store: Arc<Store>,
     inbox: Arc<Inbox>,
+    throttle: RefCell<Throttle<Told>>,
+}
+
+/// What is told at most once a second.
+#[derive(PartialEq)]
+enum Told {
+    Refused(Discriminant<ParamsError>),
+    Changed(String),
+    Unpublished,
+}
+
+/// Parameters that are asked for or set at a time, at most; there are not half as many.
+const MOST: usize = 1000;
+
+fn many(changes: &[raw::Parameter]) -> ParamsError {
+    ParamsError::Many { len: changes.len(), most: MOST }
+}
+
+/// The names, unless there are more than make sense: what is said of them would be many times as long.
+fn few(names: &[String]) -> &[String] {
+    if names.len() > MOST { &[] } else { names }
 }
 
 impl ParameterServices {
@@ -54,27 +81,24 @@ impl ParameterServices {
             node: endpoints.names.node().full(),
             store,
             inbox,
+            throttle: RefCell::default(),
         })
     }
 
     /// Answers requests for ever.
     pub fn parts(&self) -> Vec<Part<'_>> {
         let current = || self.store.current();
-        let get = move |q: GetParametersRequest| GetParametersResponse { values: values(&current(), &q.names) };
+        let get = move |q: GetParametersRequest| GetParametersResponse { values: values(&current(), few(&q.names)) };
         let types =
-            move |q: GetParameterTypesRequest| GetParameterTypesResponse { values: types(&current(), &q.names) };
-        let list =
-            move |q: ListParametersRequest| ListParametersResponse { result: list(&current(), &q.prefixes, q.depth) };
+            move |q: GetParameterTypesRequest| GetParameterTypesResponse { values: types(&current(), few(&q.names)) };
+        let list = move |q: ListParametersRequest| ListParametersResponse {
+            result: list(&current(), few(&q.prefixes), q.depth),
+        };
         let describe = move |q: DescribeParametersRequest| DescribeParametersResponse {
-            values: descriptions(&current(), &q.names),
+            values: descriptions(&current(), few(&q.names)),
         };
-        let set = async |q: SetParametersRequest| {
-            let mut results = Vec::new();
-            for parameter in q.parameter {
-                results.push(self.change(vec![parameter]).await);
-            }
-            SetParametersResponse { results }
-        };
+        let set =
+            async |q: SetParametersRequest| SetParametersResponse { results: self.change_each(q.parameter).await };
         let set_atomically =
             async |q: SetParametersRequest| SetParametersAtomicallyResponse { result: self.change(q.parameter).await };
         vec![
@@ -87,8 +111,27 @@ impl ParameterServices {
         ]
     }
 
+    async fn change_each(&self, changes: Vec<raw::Parameter>) -> Vec<raw::SetParametersResult> {
+        if changes.len() > MOST {
+            return vec![self.answer(Err(many(&changes))); changes.len()];
+        }
+        let mut results = Vec::new();
+        for change in changes {
+            results.push(self.change(vec![change]).await);
+        }
+        results
+    }
+
     async fn change(&self, changes: Vec<raw::Parameter>) -> raw::SetParametersResult {
-        match self.taken(changes).await {
+        if changes.len() > MOST {
+            return self.answer(Err(many(&changes)));
+        }
+        let taken = self.taken(changes).await;
+        self.answer(taken)
+    }
+
+    fn answer(&self, taken: Result<(Arc<Settings>, Vec<Assignment>), ParamsError>) -> raw::SetParametersResult {
+        match taken {
             Ok((settings, different)) => {
                 if !different.is_empty() {
                     self.inbox.retune(settings.params.clone());
@@ -97,7 +140,7 @@ impl ParameterServices {
                 raw::SetParametersResult { successful: true, reason: String::new() }
             }
             Err(why) => {
-                warn!("parameters refused: {why}");
+                self.tell(Level::Warn, Told::Refused(discriminant(&why)), format_args!("parameters refused: {why}"));
                 raw::SetParametersResult { successful: false, reason: why.to_string() }
             }
         }
@@ -119,24 +162,32 @@ impl ParameterServices {
             // The table refuses it, and knows names that are close.
             (Ok(value), None) => Ok((name, value)),
             (Err(got), Some(kind)) => Err(ParamsError::Type { name, expected: kind.name(), got: got.to_owned() }),
-            (Err(_), None) => Err(ParamsError::Unknown { name, hint: String::new() }),
+            (Err(_), None) => Err(params::unknown(&name)),
         }
     }
 
     fn publish(&self, changes: Vec<Assignment>) {
         for (name, value) in &changes {
-            info!("parameter {name} is now {value}");
+            self.tell(Level::Info, Told::Changed(name.clone()), format_args!("parameter {name} is now {value}"));
         }
         let changed = changes.into_iter().map(|(name, value)| raw::Parameter { name, value: to_raw(Some(&value)) });
         let event = raw::ParameterEvent {
-            stamp: builtin_interfaces::Time::now(),
+            stamp: clock::now(),
             node: self.node.clone(),
             new_parameters: Vec::new(),
             changed_parameters: changed.collect(),
             deleted_parameters: Vec::new(),
         };
         if let Err(why) = self.events.publish(event) {
-            warn!("the change of parameters could not be published: {why}");
+            let line = format_args!("the change of parameters could not be published: {why}");
+            self.tell(Level::Warn, Told::Unpublished, line);
+        }
+    }
+
+    /// Tells the log, unless it was told of such a thing just before.
+    fn tell(&self, level: Level, what: Told, line: Arguments) {
+        if let Some(held) = self.throttle.borrow_mut().pass(what, Instant::now()) {
+            log!(level, "{line}{}", held_back(held));
         }
     }
 }

@@ -197,6 +197,9 @@ fn in_source(source: &Source, why: ParamsError) -> ParamsError {
 impl NodeParameter {
     fn set(&mut self, value: &Value, phase: Phase) -> Result<(), ParamsError> {
         let name = self.name.clone();
+        if value.extent() > params::MOST_VALUES {
+            return Err(ParamsError::Long { name, len: value.extent(), most: params::MOST_VALUES });
+        }
         if value.kind() != self.value.kind() {
             let got = format!("{} {value}", value.kind().name());
             return Err(ParamsError::Type { name, expected: self.value.kind().name(), got });

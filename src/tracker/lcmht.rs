@@ -36,7 +36,7 @@ use crate::crop::Cropper;
 use crate::dcf::scale::ScaleFilter;
 use crate::detect::online::{self, Detector};
 use crate::error::NetworkError;
-use crate::features::cnn::{Networks, SharedCnn};
+use crate::features::cnn::{self, Networks, SharedCnn};
 use crate::frame::Frame;
 use crate::geometry::{Rect, distance};
 use crate::learn::svm::SvmParams;
@@ -99,7 +99,7 @@ impl Lcmht {
             params: params.lcmht.clone(),
             seed: params.general.seed.unsigned_abs(),
             cropper: Cropper::default(),
-            cnn: appearance::network(&params.lcmht, networks)?,
+            cnn: appearance::network(params, networks)?,
             networks: networks.clone(),
             targets: Targets::default(),
         })
@@ -107,7 +107,7 @@ impl Lcmht {
 }
 
 /// Loads the network that changed parameters ask for, if it is another than before.
-pub(super) fn check(networks: &Networks, old: &LcmhtParams, new: &LcmhtParams) -> Result<(), NetworkError> {
+pub(super) fn check(networks: &Networks, old: &Params, new: &Params) -> Result<(), NetworkError> {
     if network_settings(old) == network_settings(new) { Ok(()) } else { appearance::network(new, networks).map(drop) }
 }
 
@@ -151,8 +151,9 @@ impl Tracker for Lcmht {
     }
 
     fn retune(&mut self, params: &Params) -> Result<(), NetworkError> {
-        if network_settings(&self.params) != network_settings(&params.lcmht) {
-            self.cnn = appearance::network(&params.lcmht, &self.networks)?;
+        let loaded_by = self.cnn.as_ref().map(|cnn| cnn::locked(cnn).settings().clone());
+        if loaded_by != network_settings(params) {
+            self.cnn = appearance::network(params, &self.networks)?;
         }
         self.params = params.lcmht.clone();
         self.targets.iter_mut().for_each(|target| target.retune(&self.params, self.cnn.as_ref()));

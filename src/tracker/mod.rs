@@ -62,7 +62,7 @@ pub fn build(params: &Params, networks: &Networks) -> Result<Box<dyn Tracker>, N
 /// name cannot be used. What has to be loaded for them is loaded here, and the tracker finds it there.
 pub fn check(networks: &Networks, old: &Params, new: &Params) -> Result<(), NetworkError> {
     match new.general.algorithm {
-        Algorithm::Lcmht => lcmht::check(networks, &old.lcmht, &new.lcmht),
+        Algorithm::Lcmht => lcmht::check(networks, old, new),
         Algorithm::Etepf | Algorithm::Maptrack => Ok(()),
     }
 }

@@ -141,8 +141,9 @@ def refusals(client):
     for bad in integer("debug.jpeg_quality", 101), Parameter(name="debug.jpeg_quality"):
         result = client.set_parameters_atomically([integer(side, 50), bad]).result
         assert not result.successful and "debug.jpeg_quality" in result.reason, result
-    result = client.set_parameters_atomically([integer(side, 50), text("lcmht.cnn.file", "/no/such.onnx")]).result
-    assert not result.successful and "network /no/such.onnx cannot be read" in result.reason, result
+    for name in "lcmht.cnn.file", "lcmht.cnn.library":
+        result = client.set_parameters_atomically([integer(side, 50), text(name, "/dev/zero")]).result
+        assert not result.successful and f"'{name}' is read-only" in result.reason, result
     assert client.get(side, "debug.jpeg_quality") == [208, 80], "all or nothing"
 
 

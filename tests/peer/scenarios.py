@@ -21,6 +21,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from abuse import *  # noqa: F403
 from full_hd import *  # noqa: F403
 from parameters import *  # noqa: F403
 from restarts import *  # noqa: F403

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use super::builtin;
 use crate::error::NetworkError;
 use crate::features::FeatureMap;
+use crate::file::{self, FileError};
 use crate::params::{ChannelOrder, Inference, LcmhtCnn};
 
 /// The embedded network: see `assets/make_lite0.py`.
@@ -16,6 +17,8 @@ pub(super) const EMBEDDED: &[u8] = include_bytes!("../../../assets/lite0.onnx");
 pub struct Settings {
     /// The ONNX file; `None` is the embedded network.
     pub file: Option<PathBuf>,
+    /// Bytes that the file may have.
+    pub most: u64,
     /// Rows and columns of the input.
     pub side: usize,
     /// What is taken from the intensities (0 to 255), by input channel.
@@ -35,12 +38,13 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Of the parameters, which have been checked to fit each other.
-    pub fn new(params: &LcmhtCnn) -> Self {
+    /// Of the parameters, which have been checked to fit each other, with a file of `most` bytes.
+    pub fn new(params: &LcmhtCnn, most: u64) -> Self {
         let path = |text: &str| (!text.is_empty()).then(|| PathBuf::from(text));
         let three = |values: &[f64]| std::array::from_fn(|i| values[i] as f32);
         Self {
             file: path(&params.file),
+            most,
             side: params.side as usize,
             mean: three(&params.mean),
             scale: three(&params.scale),
@@ -85,14 +89,16 @@ pub(super) enum Refusal {
 
 /// Loads the network, checks its input and outputs, and runs it once on `image`.
 pub(super) fn load(settings: &Settings, image: &[f32], maps: &mut [FeatureMap]) -> Result<Loaded, NetworkError> {
-    let file = settings.name();
+    let name = settings.name();
     let model = match &settings.file {
-        Some(path) => std::fs::read(path)
-            .map_err(|error| NetworkError::Unreadable { file: file.clone(), why: error.to_string() })?
-            .into(),
+        Some(path) => match file::read(path, settings.most) {
+            Ok(bytes) => bytes.into(),
+            Err(FileError::TooLarge { len, most }) => return Err(NetworkError::TooLarge { file: name, len, most }),
+            Err(error) => return Err(NetworkError::Unreadable { file: name, why: error.to_string() }),
+        },
         None => EMBEDDED.into(),
     };
-    let mut network = run_by(settings, model).map_err(|refusal| refused(refusal, &file, settings.side))?;
+    let mut network = run_by(settings, model).map_err(|refusal| refused(refusal, &name, settings.side))?;
     let declared = network.input();
     let wanted = [1, 3, settings.side, settings.side];
     let fits = declared.is_empty()
@@ -100,12 +106,12 @@ pub(super) fn load(settings: &Settings, image: &[f32], maps: &mut [FeatureMap]) 
     if !fits {
         let side = |d: &Option<usize>| d.map_or("?".to_owned(), |d| d.to_string());
         let got = declared.iter().map(side).collect::<Vec<_>>().join(" x ");
-        return Err(NetworkError::Input { file, got, side: settings.side });
+        return Err(NetworkError::Input { file: name, got, side: settings.side });
     }
-    network.run(image, settings.side, maps).map_err(|why| refused(Refusal::Format(why), &file, settings.side))?;
-    for (name, map) in settings.outputs.iter().zip(maps) {
+    network.run(image, settings.side, maps).map_err(|why| refused(Refusal::Format(why), &name, settings.side))?;
+    for (output, map) in settings.outputs.iter().zip(maps) {
         if map.data.iter().any(|v| !v.is_finite()) {
-            return Err(NetworkError::NotFinite { file, name: name.clone() });
+            return Err(NetworkError::NotFinite { file: name, name: output.clone() });
         }
     }
     Ok(network)

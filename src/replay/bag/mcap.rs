@@ -1,193 +1,307 @@
 //! Bags in MCAP files. The index at the end of a file tells where the chunks are, and these are read in order of time;
 //! a file that was written without chunks is looked through once instead.
+//!
+//! No length in a file is believed: a record must lie in the file, what is read of it or made of it is bounded, and so is
+//! what is held at a time. Records that are not needed, however large, are passed over.
 
 use std::collections::HashMap;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 pub use mcap::MAGIC;
-use mcap::read::ChannelAccumulator;
-use mcap::records::{Record, op};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
-use mcap::sans_io::{IndexedReadEvent, IndexedReader, IndexedReaderOptions};
-use mcap::{Channel, McapError, Summary};
+use mcap::McapError;
+use mcap::records::{Channel, ChunkIndex, Footer, MessageHeader, Record, Statistics, op};
 
+pub use self::chunks::Chunks;
 use super::{BagError, Messages, Recorded, TopicInfo};
+use crate::params::Limits;
 
-/// A chunk or a message that claims to have more bytes is taken for broken.
-const MAX_RECORD: usize = 1 << 32;
+mod chunks;
+
 /// Bytes before the body of a record: its kind and its length.
-const RECORD_HEADER: u64 = 9;
+const RECORD_HEADER: usize = 9;
 /// Bytes before the data of a message: channel, sequence number, two times.
-const MESSAGE_HEADER: u64 = 22;
+const MESSAGE_HEADER: usize = 22;
+/// Bytes of the last record, which says where the index is.
+const FOOTER: usize = 20;
 
-type Channels = HashMap<u16, Arc<Channel<'static>>>;
+/// Where a record is, and what it is.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    opcode: u8,
+    /// Of its body.
+    offset: u64,
+    len: u64,
+}
+
+impl Place {
+    /// Where the next record begins.
+    fn end(&self) -> u64 {
+        self.offset + self.len
+    }
+}
+
+/// What is known of topics.
+#[derive(Default)]
+struct Channels {
+    schemas: HashMap<u16, String>,
+    channels: HashMap<u16, Channel>,
+}
+
+impl Channels {
+    fn of_topic(&self, topic: &str) -> Vec<u16> {
+        self.channels.values().filter(|c| c.topic == topic).map(|c| c.id).collect()
+    }
+}
 
 /// Where the messages of a file are.
 enum Layout {
-    /// In chunks, which the summary lists.
-    Chunks(Summary),
+    /// In chunks, which the index lists.
+    Chunks(Vec<ChunkIndex>, Statistics),
     /// One by one.
-    Single(Channels, Vec<Place>),
+    Single(Vec<Single>),
 }
 
 /// Where a message outside of a chunk is.
 #[derive(Clone, Copy)]
-struct Place {
+struct Single {
     channel: u16,
     log_time: u64,
-    /// Of its data.
-    offset: u64,
-    len: usize,
+    data: Place,
 }
 
 /// A file with its name for messages.
 struct Source {
     path: PathBuf,
-    file: File,
+    file: BufReader<File>,
     len: u64,
+    /// Bytes that a message, or any record that is read, may have.
+    most: usize,
 }
 
 impl Source {
-    fn open(path: &Path) -> Result<Self, BagError> {
+    fn open(path: &Path, limits: &Limits) -> Result<Self, BagError> {
         let failed = |source| BagError::Io { path: path.to_owned(), source };
-        let file = File::open(path).map_err(failed)?;
-        let len = file.metadata().map_err(failed)?.len();
-        Ok(Self { path: path.to_owned(), file, len })
+        let (file, metadata) = crate::file::open(path).map_err(|e| failed(e.into()))?;
+        let most = usize::try_from(limits.message_bytes()).unwrap_or(usize::MAX);
+        Ok(Self { path: path.to_owned(), file: BufReader::new(file), len: metadata.len(), most })
     }
 
     /// What went wrong, with the name of the file.
     fn error(&self, error: McapError) -> BagError {
-        let path = self.path.clone();
         match error {
-            McapError::BadMagic | McapError::BadFooter | McapError::UnexpectedEof => {
-                BagError::CutOff { path, len: self.len }
-            }
-            McapError::Io(source) => BagError::Io { path, source },
-            other => BagError::Broken { path, why: other.to_string() },
+            McapError::BadMagic | McapError::BadFooter | McapError::UnexpectedEof => self.cut_off(),
+            McapError::Io(source) => BagError::Io { path: self.path.clone(), source },
+            other => self.broken(other.to_string()),
         }
     }
 
-    fn layout(&mut self) -> Result<Layout, BagError> {
-        let summary = self.summary().map_err(|e| self.error(e))?;
-        match summary {
-            Some(summary) if !summary.chunk_indexes.is_empty() && summary.stats.is_some() => {
-                Ok(Layout::Chunks(summary))
-            }
-            _ => self.look_through(),
-        }
+    fn cut_off(&self) -> BagError {
+        BagError::CutOff { path: self.path.clone(), len: self.len }
     }
 
-    /// The index at the end of the file, `None` where it was written without.
-    fn summary(&mut self) -> Result<Option<Summary>, McapError> {
-        let options = SummaryReaderOptions::default().with_file_size(self.len).with_record_length_limit(MAX_RECORD);
-        let mut reader = SummaryReader::new_with_options(options);
-        while let Some(event) = reader.next_event() {
-            match event? {
-                SummaryReadEvent::ReadRequest(n) => {
-                    let read = self.file.read(reader.insert(n))?;
-                    reader.notify_read(read);
-                }
-                SummaryReadEvent::SeekRequest(to) => reader.notify_seeked(self.file.seek(to)?),
-            }
-        }
-        Ok(reader.finish())
+    fn broken(&self, why: String) -> BagError {
+        BagError::Broken { path: self.path.clone(), why }
     }
 
-    /// Finds every message of a file without chunks.
-    fn look_through(&mut self) -> Result<Layout, BagError> {
-        let walked = self.walk().map_err(|e| self.error(e))?;
-        walked.ok_or_else(|| BagError::Broken {
-            path: self.path.clone(),
-            why: "chunks and messages are not listed at the end of the file ('mcap recover' writes it anew)".to_owned(),
-        })
-    }
-
-    /// `None` where a chunk was met.
-    fn walk(&mut self) -> Result<Option<Layout>, McapError> {
-        self.file.rewind()?;
-        let mut file = BufReader::new(&self.file);
-        let options = LinearReaderOptions::default().with_emit_chunks(true).with_record_length_limit(MAX_RECORD);
-        let mut reader = LinearReader::new_with_options(options);
-        let mut channels = ChannelAccumulator::default();
-        let mut ids = Vec::new();
-        let mut places = Vec::new();
-        let mut offset = MAGIC.len() as u64;
-        while let Some(event) = reader.next_event() {
-            let (opcode, data) = match event? {
-                LinearReadEvent::ReadRequest(n) => {
-                    let read = file.read(reader.insert(n))?;
-                    reader.notify_read(read);
-                    continue;
-                }
-                LinearReadEvent::Record { opcode, data } => (opcode, data),
-            };
-            match opcode {
-                op::CHUNK => return Ok(None),
-                op::SCHEMA | op::CHANNEL | op::MESSAGE => match mcap::parse_record(opcode, data)? {
-                    Record::Schema { header, data } => channels.add_schema(header, data.into_owned().into())?,
-                    Record::Channel(channel) => {
-                        ids.push(channel.id);
-                        channels.add_channel(channel)?;
-                    }
-                    Record::Message { header, data } => places.push(Place {
-                        channel: header.channel_id,
-                        log_time: header.log_time,
-                        offset: offset + RECORD_HEADER + MESSAGE_HEADER,
-                        len: data.len(),
-                    }),
+    /// What is in the file; nothing of a message but its place is read.
+    fn layout(&mut self) -> Result<(Channels, Layout), BagError> {
+        let footer = self.footer()?;
+        let mut channels = Channels::default();
+        let mut chunks = Vec::new();
+        let mut statistics = None;
+        let end = self.len - (RECORD_HEADER + FOOTER + MAGIC.len()) as u64;
+        if footer.summary_start != 0 {
+            let mut at = footer.summary_start;
+            while at < end {
+                let place = self.record(at, end)?;
+                at = place.end();
+                match self.index_record(place, &mut channels)? {
+                    Some(Record::ChunkIndex(chunk)) => chunks.push(chunk),
+                    Some(Record::Statistics(found)) => statistics = Some(found),
                     _ => {}
-                },
-                _ => {}
+                }
             }
-            offset += RECORD_HEADER + data.len() as u64;
         }
-        let channels = ids.into_iter().filter_map(|id| Some((id, channels.get(id)?))).collect();
-        Ok(Some(Layout::Single(channels, places)))
+        match statistics {
+            Some(statistics) if !chunks.is_empty() => Ok((channels, Layout::Chunks(chunks, statistics))),
+            _ => self.look_through(end),
+        }
+    }
+
+    fn footer(&mut self) -> Result<Footer, BagError> {
+        let mut bytes = [0; RECORD_HEADER + FOOTER + MAGIC.len()];
+        let Some(start) = self.len.checked_sub((bytes.len() + MAGIC.len()) as u64) else { return Err(self.cut_off()) };
+        self.read_at(start + MAGIC.len() as u64, &mut bytes)?;
+        let (record, magic) = bytes.split_at(RECORD_HEADER + FOOTER);
+        if magic != MAGIC {
+            return Err(self.cut_off());
+        }
+        match mcap::parse_record(record[0], &record[RECORD_HEADER..]) {
+            Ok(Record::Footer(footer)) => Ok(footer),
+            _ => Err(self.cut_off()),
+        }
+    }
+
+    /// Finds every message of a file without chunks, up to a place.
+    fn look_through(&mut self, end: u64) -> Result<(Channels, Layout), BagError> {
+        let mut channels = Channels::default();
+        let mut singles = Vec::new();
+        let mut at = MAGIC.len() as u64;
+        while at < end {
+            let place = self.record(at, end)?;
+            at = place.end();
+            match place.opcode {
+                op::DATA_END => break,
+                op::CHUNK => {
+                    let why =
+                        "chunks and messages are not listed at the end of the file ('mcap recover' writes it anew)";
+                    return Err(self.broken(why.to_owned()));
+                }
+                op::MESSAGE => singles.push(self.single(place)?),
+                _ => drop(self.index_record(place, &mut channels)?),
+            }
+        }
+        Ok((channels, Layout::Single(singles)))
+    }
+
+    /// Where the data of a message are.
+    fn single(&mut self, Place { opcode, offset, len }: Place) -> Result<Single, BagError> {
+        let mut header = [0; MESSAGE_HEADER];
+        if len < header.len() as u64 {
+            return Err(self.broken(format!("the message at {offset} has {len} bytes")));
+        }
+        self.read_at(offset, &mut header)?;
+        match mcap::parse_record(opcode, &header) {
+            Ok(Record::Message { header: MessageHeader { channel_id, log_time, .. }, .. }) => {
+                let before = MESSAGE_HEADER as u64;
+                let data = Place { opcode, offset: offset + before, len: len - before };
+                Ok(Single { channel: channel_id, log_time, data })
+            }
+            Ok(_) => Err(self.broken(format!("the record at {offset} is no message"))),
+            Err(error) => Err(self.error(error)),
+        }
+    }
+
+    /// Reads a record that describes others. What is known of topics is kept; others that are not needed are passed over.
+    fn index_record(&mut self, place: Place, into: &mut Channels) -> Result<Option<Record<'static>>, BagError> {
+        if !matches!(place.opcode, op::SCHEMA | op::CHANNEL | op::CHUNK_INDEX | op::STATISTICS) {
+            return Ok(None);
+        }
+        let mut body = Vec::new();
+        self.read(place, &mut body)?;
+        if texts(place.opcode, &body).is_none() {
+            return Err(self.broken(format!("the record at {} has a text that is cut off", place.offset)));
+        }
+        match mcap::parse_record(place.opcode, &body).map_err(|e| self.error(e))? {
+            Record::Schema { header, .. } => drop(into.schemas.insert(header.id, header.name)),
+            Record::Channel(channel) => drop(into.channels.insert(channel.id, channel)),
+            Record::ChunkIndex(chunk) => return Ok(Some(Record::ChunkIndex(chunk))),
+            Record::Statistics(statistics) => return Ok(Some(Record::Statistics(statistics))),
+            _ => {}
+        }
+        Ok(None)
+    }
+
+    /// The record that begins there and must end before `end`.
+    fn record(&mut self, at: u64, end: u64) -> Result<Place, BagError> {
+        let mut header = [0; RECORD_HEADER];
+        if end.saturating_sub(at) < header.len() as u64 {
+            return Err(self.cut_off());
+        }
+        self.read_at(at, &mut header)?;
+        let [opcode, l0, l1, l2, l3, l4, l5, l6, l7] = header;
+        let len = u64::from_le_bytes([l0, l1, l2, l3, l4, l5, l6, l7]);
+        let offset = at + header.len() as u64;
+        if len > end - offset {
+            return Err(self.broken(format!("the record at {at} claims {len} bytes, {} are there", end - offset)));
+        }
+        Ok(Place { opcode, offset, len })
+    }
+
+    /// Overwrites `into` by the body of a record.
+    fn read(&mut self, Place { offset, len, .. }: Place, into: &mut Vec<u8>) -> Result<(), BagError> {
+        let within = offset.checked_add(len).is_some_and(|end| end <= self.len);
+        let len = usize::try_from(len).ok().filter(|&len| within && len <= self.most).ok_or_else(|| {
+            let (file, most) = (self.len, self.most);
+            self.broken(format!("{len} bytes at {offset} cannot be read: the file has {file}, at most {most} are read"))
+        })?;
+        into.clear();
+        into.resize(len, 0);
+        self.read_at(offset, into)
     }
 
     /// Fills the buffer from that place on.
     fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> Result<(), BagError> {
-        let read = self.file.seek(SeekFrom::Start(offset)).and_then(|_| self.file.read_exact(buffer));
+        let read = self.seek(offset).and_then(|()| self.file.read_exact(buffer));
         read.map_err(|source| BagError::Io { path: self.path.clone(), source })
     }
 
-    /// A buffer for so many bytes from that place on, which must be in the file.
-    fn within(&self, offset: u64, len: usize) -> Result<(), BagError> {
-        let end = offset.checked_add(len as u64);
-        if end.is_some_and(|end| end <= self.len) {
-            return Ok(());
+    /// What has been read ahead is kept where it can be.
+    fn seek(&mut self, offset: u64) -> io::Result<()> {
+        let here = self.file.stream_position()?;
+        match i64::try_from(i128::from(offset) - i128::from(here)) {
+            Ok(way) => self.file.seek_relative(way),
+            Err(_) => self.file.seek(SeekFrom::Start(offset)).map(drop),
         }
-        let why = format!("{len} bytes at {offset} are not in the file of {} bytes", self.len);
-        Err(BagError::Broken { path: self.path.clone(), why })
     }
 }
 
-/// What was recorded in the file.
-pub fn topics(path: &Path) -> Result<Vec<TopicInfo>, BagError> {
-    let layout = Source::open(path)?.layout()?;
-    let counts: HashMap<u16, u64> = match &layout {
-        Layout::Chunks(summary) => {
-            let counted = summary.stats.iter().flat_map(|s| &s.channel_message_counts);
-            counted.map(|(id, count)| (*id, *count)).collect()
+/// Passes over the texts and maps of a record, and gives `None` where one does not lie in it: the library makes room for
+/// as many bytes as a text claims before it looks for them.
+fn texts(opcode: u8, mut body: &[u8]) -> Option<()> {
+    fn skip<'a>(rest: &mut &'a [u8], len: usize) -> Option<&'a [u8]> {
+        let (skipped, after) = rest.split_at_checked(len)?;
+        *rest = after;
+        Some(skipped)
+    }
+    fn counted<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
+        let len = skip(rest, size_of::<u32>())?.try_into().ok()?;
+        skip(rest, u32::from_le_bytes(len) as usize)
+    }
+    let rest = &mut body;
+    match opcode {
+        op::SCHEMA => {
+            skip(rest, 2)?;
+            counted(rest)?;
+            counted(rest)?;
         }
-        Layout::Single(_, places) => places.iter().fold(HashMap::new(), |mut counts, place| {
-            *counts.entry(place.channel).or_default() += 1;
+        op::CHANNEL => {
+            skip(rest, 4)?;
+            counted(rest)?;
+            counted(rest)?;
+            let mut pairs = counted(rest)?;
+            while !pairs.is_empty() {
+                counted(&mut pairs)?;
+            }
+        }
+        op::CHUNK_INDEX => {
+            skip(rest, 32)?;
+            counted(rest)?;
+            skip(rest, 8)?;
+            counted(rest)?;
+        }
+        _ => {}
+    }
+    Some(())
+}
+
+/// What was recorded in the file.
+pub fn topics(path: &Path, limits: &Limits) -> Result<Vec<TopicInfo>, BagError> {
+    let (channels, layout) = Source::open(path, limits)?.layout()?;
+    let counts: HashMap<u16, u64> = match layout {
+        Layout::Chunks(_, statistics) => statistics.channel_message_counts.into_iter().collect(),
+        Layout::Single(messages) => messages.iter().fold(HashMap::new(), |mut counts, message| {
+            *counts.entry(message.channel).or_default() += 1;
             counts
         }),
     };
-    let channels = match &layout {
-        Layout::Chunks(summary) => &summary.channels,
-        Layout::Single(channels, _) => channels,
-    };
     let mut topics = Vec::new();
-    for (id, channel) in channels {
+    for (id, channel) in &channels.channels {
         let topic = TopicInfo {
             name: channel.topic.clone(),
-            kind: channel.schema.as_ref().map_or_else(String::new, |s| s.name.clone()),
+            kind: channels.schemas.get(&channel.schema_id).cloned().unwrap_or_default(),
             format: channel.message_encoding.clone(),
             count: counts.get(id).copied().unwrap_or(0),
         };
@@ -200,70 +314,42 @@ pub fn topics(path: &Path) -> Result<Vec<TopicInfo>, BagError> {
 pub struct Reader {
     source: Source,
     order: Order,
-    /// A chunk as it is in the file.
-    chunk: Vec<u8>,
 }
 
 enum Order {
-    Chunks(Box<IndexedReader>),
-    Single(std::vec::IntoIter<Place>),
+    Chunks(Chunks),
+    Single(std::vec::IntoIter<Single>),
 }
 
 impl Reader {
     /// Finds the messages, not yet reading them.
-    pub fn open(path: &Path, topic: &str) -> Result<Self, BagError> {
-        let mut source = Source::open(path)?;
-        let order = match source.layout()? {
-            Layout::Chunks(summary) => {
-                let options = IndexedReaderOptions::new().include_topics([topic]).with_record_length_limit(MAX_RECORD);
-                // A file of the bag in which nothing was recorded of the topic: no topics at all would mean every one.
-                if !summary.channels.values().any(|c| c.topic == topic) {
-                    Order::Single(Vec::new().into_iter())
-                } else {
-                    let reader = IndexedReader::new_with_options(&summary, options).map_err(|e| source.error(e))?;
-                    Order::Chunks(Box::new(reader))
-                }
-            }
-            Layout::Single(channels, mut places) => {
-                places.retain(|place| channels.get(&place.channel).is_some_and(|c| c.topic == topic));
-                places.sort_by_key(|place| place.log_time);
-                Order::Single(places.into_iter())
+    pub fn open(path: &Path, topic: &str, limits: &Limits) -> Result<Self, BagError> {
+        let mut source = Source::open(path, limits)?;
+        let (channels, layout) = source.layout()?;
+        let wanted = channels.of_topic(topic);
+        let order = match layout {
+            Layout::Chunks(chunks, _) => Order::Chunks(Chunks::new(chunks, wanted, &source)?),
+            Layout::Single(mut messages) => {
+                messages.retain(|message| wanted.contains(&message.channel));
+                messages.sort_by_key(|message| message.log_time);
+                Order::Single(messages.into_iter())
             }
         };
-        Ok(Self { source, order, chunk: Vec::new() })
+        Ok(Self { source, order })
     }
 }
 
 impl Messages for Reader {
     fn next_into(&mut self, message: &mut Recorded) -> Result<bool, BagError> {
-        let Self { source, order, chunk } = self;
+        let Self { source, order } = self;
         match order {
-            Order::Single(places) => {
-                let Some(place) = places.next() else { return Ok(false) };
-                message.log_time = place.log_time;
-                message.bytes.resize(place.len, 0);
-                source.read_at(place.offset, &mut message.bytes)?;
+            Order::Single(messages) => {
+                let Some(single) = messages.next() else { return Ok(false) };
+                message.log_time = single.log_time;
+                source.read(single.data, &mut message.bytes)?;
                 Ok(true)
             }
-            Order::Chunks(reader) => {
-                while let Some(event) = reader.next_event() {
-                    match event.map_err(|e| source.error(e))? {
-                        IndexedReadEvent::ReadChunkRequest { offset, length } => {
-                            source.within(offset, length)?;
-                            chunk.resize(length, 0);
-                            source.read_at(offset, chunk)?;
-                            reader.insert_chunk_record_data(offset, chunk).map_err(|e| source.error(e))?;
-                        }
-                        IndexedReadEvent::Message { header, data } => {
-                            message.log_time = header.log_time;
-                            message.bytes.clear();
-                            message.bytes.extend_from_slice(data);
-                            return Ok(true);
-                        }
-                    }
-                }
-                Ok(false)
-            }
+            Order::Chunks(chunks) => chunks.next_into(source, message),
         }
     }
 }

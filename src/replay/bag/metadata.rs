@@ -5,6 +5,13 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use super::BagError;
+use crate::file;
+
+/// Bytes that the file may have: those of a recording of ten thousand files, and more.
+const MOST_BYTES: u64 = 4_000_000;
+
+/// Brackets within each other that the file may have; recorders write two or three.
+const MOST_DEPTH: usize = 64;
 
 /// What makes a folder a bag.
 pub const FILE_NAME: &str = "metadata.yaml";
@@ -39,8 +46,13 @@ impl Metadata {
             return Ok(Self { files: vec![path.to_owned()], compressed: false });
         }
         let yaml = path.join(FILE_NAME);
-        let text = std::fs::read_to_string(&yaml).map_err(|source| BagError::Io { path: yaml.clone(), source })?;
+        let text = file::read_text(&yaml, MOST_BYTES);
+        let text = text.map_err(|error| BagError::Io { path: yaml.clone(), source: error.into() })?;
         let failed = |why: String| BagError::Metadata { path: yaml.clone(), why };
+        let depth = depth(&text);
+        if depth > MOST_DEPTH {
+            return Err(failed(format!("{depth} brackets stand within each other, at most {MOST_DEPTH} are read")));
+        }
         let document: Document = serde_yaml_ng::from_str(&text).map_err(|e| failed(e.to_string()))?;
         let info = document.rosbag2_bagfile_information;
         let (mode, format) = (info.compression_mode.unwrap_or_default(), info.compression_format.unwrap_or_default());
@@ -61,6 +73,20 @@ impl Metadata {
         let files = info.relative_file_paths.into_iter().map(located).collect::<Result<_, _>>()?;
         Ok(Self { files, compressed })
     }
+}
+
+/// How many brackets stand within each other: what takes the reader of YAML a time that grows with the square of them.
+fn depth(text: &str) -> usize {
+    let mut open: usize = 0;
+    let deepest = text.bytes().map(|byte| {
+        match byte {
+            b'[' | b'{' => open += 1,
+            b']' | b'}' => open = open.saturating_sub(1),
+            _ => {}
+        }
+        open
+    });
+    deepest.max().unwrap_or(0)
 }
 
 /// Where the file is. Before version 4 the names began with that of the folder.

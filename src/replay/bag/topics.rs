@@ -46,7 +46,7 @@ impl Picture {
 pub fn merge(all: &mut Vec<TopicInfo>, more: Vec<TopicInfo>) {
     for topic in more {
         match all.iter_mut().find(|t| (&t.name, &t.kind, &t.format) == (&topic.name, &topic.kind, &topic.format)) {
-            Some(known) => known.count += topic.count,
+            Some(known) => known.count = known.count.saturating_add(topic.count),
             None => all.push(topic),
         }
     }

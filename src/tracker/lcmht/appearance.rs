@@ -16,7 +16,7 @@ use crate::features::contrast::AROUND;
 use crate::features::layers::{Cut, Extractor, Feature, LayerSpec, Source};
 use crate::frame::Frame;
 use crate::geometry::{Rect, turned};
-use crate::params::{LcmhtCnn, LcmhtFilter, LcmhtLayers, LcmhtParams, WindowShape};
+use crate::params::{LcmhtCnn, LcmhtFilter, LcmhtLayers, LcmhtParams, Params, WindowShape};
 use crate::trace::{ResponseMap, Trace};
 
 /// Local maxima of a response map that are weighed against the motion model.
@@ -305,15 +305,15 @@ impl Appearance {
 
 /// The network that the parameters ask for.
 pub(in crate::tracker) fn network(
-    params: &LcmhtParams,
+    params: &Params,
     networks: &Networks,
 ) -> Result<Option<SharedCnn>, NetworkError> {
     network_settings(params).map(|settings| networks.get(settings)).transpose()
 }
 
 /// What the network that the parameters ask for is loaded by.
-pub(in crate::tracker) fn network_settings(params: &LcmhtParams) -> Option<cnn::Settings> {
-    params.cnn.enabled.then(|| cnn::Settings::new(&params.cnn))
+pub(in crate::tracker) fn network_settings(params: &Params) -> Option<cnn::Settings> {
+    params.lcmht.cnn.enabled.then(|| cnn::Settings::new(&params.lcmht.cnn, params.limits.file_bytes()))
 }
 
 /// `params`, but what an [`Appearance`] is made of as it is in `made`. What may change under it is how it learns and refines, the
@@ -380,7 +380,7 @@ mod tests {
     use super::*;
     use crate::frame::Encoding;
     use crate::geometry::distance;
-    use crate::params::{LcmhtAugment, Params};
+    use crate::params::LcmhtAugment;
 
     const WIDTH: usize = 200;
     const HEIGHT: usize = 160;
@@ -453,8 +453,9 @@ mod tests {
     /// altered one, in a frame of its own.
     #[test]
     fn a_mark_costs_one_run_of_the_network_and_each_later_frame_one_look_more() {
-        let params = Params::default().lcmht;
+        let params = Params::default();
         let cnn = network(&params, &Networks::default()).unwrap();
+        let params = params.lcmht;
         let runs = |cnn: &Option<SharedCnn>| cnn::locked(cnn.as_ref().unwrap()).runs;
         let data = scene(1);
         let frame = Frame::new(&data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
@@ -481,12 +482,12 @@ mod tests {
 
     /// The response map of a filter trained on the first frame, to a scene that is a little blurred.
     fn responses(change: impl Fn(&mut LcmhtParams)) -> Vec<f32> {
-        let mut params = Params::default().lcmht;
-        change(&mut params);
+        let mut params = Params::default();
+        change(&mut params.lcmht);
         let [first, then] = [scene(1), scene(3)];
         let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
         let (mut cropper, cnn) = (Cropper::default(), network(&params, &Networks::default()).unwrap());
-        let (mut appearance, _) = Appearance::new(&params, cnn, &frame(&first), &mut cropper, &TARGET);
+        let (mut appearance, _) = Appearance::new(&params.lcmht, cnn, &frame(&first), &mut cropper, &TARGET);
         learn_looks(&mut appearance, &mut cropper);
         appearance.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size(), 0.0);
         appearance.view.response

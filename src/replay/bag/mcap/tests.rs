@@ -46,7 +46,7 @@ fn file(bytes: &[u8]) -> (TempDir, PathBuf) {
 }
 
 fn read(path: &Path, topic: &str) -> Result<Vec<Written>, BagError> {
-    let mut reader = Reader::open(path, topic)?;
+    let mut reader = Reader::open(path, topic, &Limits::default())?;
     let mut message = Recorded::default();
     let mut all = Vec::new();
     while reader.next_into(&mut message)? {
@@ -73,7 +73,8 @@ fn every_layout_gives_the_messages_of_the_topic_by_time() {
     for (layout, options) in layouts() {
         let (bytes, mut written) = write(options);
         let (_dir, path) = file(&bytes);
-        let mut counts: Vec<_> = topics(&path).unwrap().into_iter().map(|t| (t.name, t.count)).collect();
+        let mut counts: Vec<_> =
+            topics(&path, &Limits::default()).unwrap().into_iter().map(|t| (t.name, t.count)).collect();
         counts.sort();
         assert_eq!(counts, [("/ear".to_owned(), 20), (TOPIC.to_owned(), 40)], "{layout}");
         // Those of the same time stay in the order in which they were written.
@@ -87,7 +88,7 @@ fn every_layout_gives_the_messages_of_the_topic_by_time() {
 fn chunks_that_are_not_listed_are_told() {
     for options in [WriteOptions::new().emit_chunk_indexes(false), WriteOptions::new().emit_statistics(false)] {
         let (_dir, path) = file(&write(options).0);
-        let message = topics(&path).unwrap_err().to_string();
+        let message = topics(&path, &Limits::default()).unwrap_err().to_string();
         assert!(message.contains("are not listed at the end of the file"), "{message}");
     }
 }
@@ -98,7 +99,7 @@ fn a_file_without_its_end_is_told_with_what_there_is() {
         let bytes = write(options).0;
         for len in (0..bytes.len()).step_by(97) {
             let (_dir, path) = file(&bytes[..len]);
-            let message = topics(&path).unwrap_err().to_string();
+            let message = topics(&path, &Limits::default()).unwrap_err().to_string();
             let start = format!("{}: cut off after {len} bytes", path.display());
             assert!(message.starts_with(&start), "{layout}, {len}: {message}");
         }
@@ -119,7 +120,7 @@ fn broken_files_do_no_harm() {
                 broken[at] ^= 1 << rng.random_range(0..8);
             }
             let (_dir, path) = file(&broken);
-            let all = topics(&path).and_then(|_| read(&path, TOPIC));
+            let all = topics(&path, &Limits::default()).and_then(|_| read(&path, TOPIC));
             if let Err(error) = all {
                 refused += 1;
                 assert!(error.to_string().starts_with(&path.display().to_string()), "{error}");
