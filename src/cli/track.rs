@@ -30,8 +30,8 @@ use crate::tracker::Output;
 #[derive(Debug, Parser)]
 #[command(name = "track", version)]
 pub struct Args {
-    /// A folder of images (jpg, jpeg, png; in the order of the numbers in their names), or one with them in img/; or a
-    /// rosbag2 recording: its folder, or one file of it (.mcap, .db3).
+    /// A folder of images (JPEG, PNG, BMP, TIFF, WebP, PGM, PPM; in the order of the numbers in their names), or one with them in
+    /// img/; or a rosbag2 recording: its folder, or one file of it (.mcap, .db3).
     source: PathBuf,
     /// The topic of a bag that has the images; may be left out where there is but one with images.
     #[arg(long, value_name = "NAME")]
@@ -66,6 +66,7 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<(), Error> {
     let params = params(&args.params, args.algorithm.as_deref(), &args.set)?;
     let mut source = replay::open(&args.source, args.topic.as_deref(), &params.limits).map_err(Error::Source)?;
+    source.notes().iter().for_each(|note| log::warn!("{note}"));
     let finds = params.general.algorithm == Algorithm::Maptrack;
     let target = match target(args, source.as_ref()) {
         Err(Error::NoTarget(_)) if finds => None,
@@ -120,7 +121,9 @@ pub fn run(args: &Args) -> Result<(), Error> {
     rows.finish()?;
     bag.map_or(Ok(()), Recorder::finish)?;
     bar.finish_and_clear();
-    tell(format_args!("{}; {:.1} with reading and writing", watch.0, per_second(frames, begun.elapsed())));
+    // Again at the end, for what was said at the beginning is far away by now.
+    let noted: String = source.notes().iter().map(|note| format!("; mind: {note}")).collect();
+    tell(format_args!("{}; {:.1} with reading and writing{noted}", watch.0, per_second(frames, begun.elapsed())));
     Ok(())
 }
 

@@ -20,6 +20,9 @@ pub enum DatasetError {
     /// No folder in it is a sequence.
     #[error("{}: no sequences (folders with a {}) in the folder", .0.display(), truth::FILE_NAME)]
     Empty(PathBuf),
+    /// The folder is a sequence and not one of sequences.
+    #[error("{}: no sequences (folders with a {}) in the folder, which is one itself: give the folder above", .0.display(), truth::FILE_NAME)]
+    Sequence(PathBuf),
     /// A sequence that was asked for is not there.
     #[error("{}: no sequence '{name}'; there are {known}", path.display())]
     Unknown { path: PathBuf, name: String, known: String },
@@ -60,7 +63,9 @@ impl Sequence {
 pub fn load(folder: &Path, only: &[String]) -> Result<Vec<Sequence>, DatasetError> {
     let known = names(folder)?;
     if known.is_empty() {
-        return Err(DatasetError::Empty(folder.to_owned()));
+        let is_sequence = folder.join(truth::FILE_NAME).is_file();
+        let error = if is_sequence { DatasetError::Sequence } else { DatasetError::Empty };
+        return Err(error(folder.to_owned()));
     }
     if let Some(name) = only.iter().find(|n| !known.contains(n)) {
         let (path, known) = (folder.to_owned(), known.join(", "));

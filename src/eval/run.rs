@@ -108,7 +108,22 @@ pub fn run(
         answers.push(Answer::of(session.output()));
         on_frame();
     }
+    if start == Start::default() {
+        source.notes().iter().for_each(|note| log::warn!("{note}"));
+        if let Some(note) = miscounted(sequence, answers.len(), source.remaining(), limit) {
+            log::warn!("{note}");
+        }
+    }
     Ok(Run { answers, processor_time: Some(time) })
+}
+
+/// What to say of a sequence that has not as many images as boxes.
+fn miscounted(sequence: &Sequence, scored: usize, left: Option<usize>, limit: usize) -> Option<String> {
+    let boxes = sequence.truth.len();
+    let images = scored + left?;
+    let differ = images != boxes && images.min(boxes) < limit;
+    let name = &sequence.name;
+    differ.then(|| format!("{name}: {images} images, but {boxes} boxes; the first {scored} are scored"))
 }
 
 /// The runs of one set of parameters: by start, and within it by sequence.
@@ -157,6 +172,18 @@ fn now(clock: Clock) -> Duration {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn images_without_boxes_and_boxes_without_images_are_told() {
+        let truth = vec![None; 10];
+        let sequence = Sequence { name: "walk".to_owned(), path: "walk".into(), truth, hidden: None };
+        let note = |scored, left, limit| miscounted(&sequence, scored, Some(left), limit);
+        assert_eq!(note(8, 0, usize::MAX).as_deref(), Some("walk: 8 images, but 10 boxes; the first 8 are scored"));
+        assert_eq!(note(10, 2, usize::MAX).as_deref(), Some("walk: 12 images, but 10 boxes; the first 10 are scored"));
+        assert_eq!(note(10, 0, usize::MAX), None);
+        // Fewer were asked for.
+        assert_eq!((note(5, 5, 5), note(10, 2, 10)), (None, None));
+    }
 
     #[test]
     fn the_first_start_is_plain_and_the_others_differ_from_it_and_each_other() {

@@ -1,8 +1,9 @@
 //! A rosbag2 recording as a source of frames: a folder with `metadata.yaml` and the files it names, or one such file.
 //!
 //! [`metadata`] says which files there are, [`mcap`] and [`sqlite`] read one, [`topics`] chooses whose images are wanted.
-//! Files follow each other as `metadata.yaml` lists them, and messages within a file by the time at which they were
-//! recorded, which is how rosbag2 plays them.
+//! Files follow each other as `metadata.yaml` lists them, or without it by the times of their first messages, and messages
+//! within a file by the time at which they were recorded, which is how rosbag2 plays them. A message that is compressed by
+//! itself tells so by its first bytes, which no plain message has.
 
 mod inflate;
 pub mod mcap;
@@ -16,9 +17,11 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 
 use self::metadata::Metadata;
+use self::topics::Choice;
 pub use self::topics::{Picture, TopicInfo};
+use super::other::{self, Other};
 use super::truth::FILE_NAME;
-use super::{FrameSource, Origin, ReplayError};
+use super::{FrameSource, Origin, ReplayError, folder};
 use crate::file;
 use crate::frame::FrameBuffer;
 use crate::messages::{CompressedImage, Header, Image, Topic, cdr, convert};
@@ -36,27 +39,33 @@ pub enum BagError {
     /// `metadata.yaml` names a file that is not there.
     #[error("{}: names {file}, which is not there", path.display())]
     MissingFile { path: PathBuf, file: String },
+    /// A folder cannot be listed.
+    #[error(transparent)]
+    Folder(Box<ReplayError>),
     /// The file is of another kind.
-    #[error("{}: neither an MCAP nor an SQLite file", .0.display())]
-    Kind(PathBuf),
-    /// The end of the file is missing.
-    #[error(
-        "{}: cut off after {len} bytes: an MCAP file has an index at its end ('mcap recover' saves what is there)",
-        path.display()
-    )]
+    #[error("{}: {advice}", path.display())]
+    Kind { path: PathBuf, advice: String },
+    /// The end of the file is missing, and no message is in it.
+    #[error("{}: cut off after {len} bytes, before the end of the first message", path.display())]
     CutOff { path: PathBuf, len: u64 },
     /// The file is broken, or made in a way that is not read here.
     #[error("{}: {why}", path.display())]
     Broken { path: PathBuf, why: String },
     /// The topic that was asked for is not there.
-    #[error("{}: no topic '{topic}'; topics with images: {known}", path.display())]
+    #[error("{}: no topic '{topic}'; {known}", path.display())]
     NoTopic { path: PathBuf, topic: String, known: String },
     /// The topic that was asked for holds something else.
-    #[error("{}: topic '{topic}' holds {kind}; topics with images: {known}", path.display())]
+    #[error("{}: topic '{topic}' holds {kind}; {known}", path.display())]
     NoImages { path: PathBuf, topic: String, kind: String, known: String },
     /// No topic was asked for, and there is not just one that could be meant.
-    #[error("{}: choose by --topic NAME; topics with images: {known}", path.display())]
+    #[error("{}: choose by --topic NAME; {known}", path.display())]
     Choose { path: PathBuf, known: String },
+    /// No topic holds images, and why not.
+    #[error("{}: no topic with images; {known}{reason}", path.display())]
+    NothingToSee { path: PathBuf, known: String, reason: &'static str },
+    /// There are topics with images, but without a message.
+    #[error("{}: nothing was recorded on a topic with images; {known}", path.display())]
+    NothingRecorded { path: PathBuf, known: String },
     /// The topic is there, but nothing was recorded.
     #[error("{}: no message on '{topic}'", path.display())]
     Empty { path: PathBuf, topic: String },
@@ -65,6 +74,8 @@ pub enum BagError {
     Message { path: PathBuf, topic: String, time: u64, why: String },
 }
 
+/// How a Zstandard frame begins. Plain CDR begins with a zero.
+const COMPRESSED: &[u8] = b"\x28\xb5\x2f\xfd";
 /// Nanoseconds of a second.
 const NANOS: u64 = 1_000_000_000;
 
@@ -81,6 +92,16 @@ pub struct Recorded {
 pub trait Messages: Send {
     /// Overwrites `message` by the next; `false` after the last.
     fn next_into(&mut self, message: &mut Recorded) -> Result<bool, BagError>;
+}
+
+/// What was recorded in a file.
+#[derive(Debug, Default)]
+pub struct Contents {
+    pub topics: Vec<TopicInfo>,
+    /// The times of the first and the last message; `None` where there is none.
+    pub span: Option<(u64, u64)>,
+    /// What had to be mended to read it.
+    pub note: Option<String>,
 }
 
 /// What a file of a bag is.
@@ -106,10 +127,10 @@ impl Kind {
     }
 
     /// What was recorded in the file.
-    fn topics(self, path: &Path, limits: &Limits) -> Result<Vec<TopicInfo>, BagError> {
+    fn contents(self, path: &Path, limits: &Limits) -> Result<Contents, BagError> {
         match self {
-            Self::Mcap => mcap::topics(path, limits),
-            Self::Sqlite => sqlite::topics(path, limits),
+            Self::Mcap => mcap::contents(path, limits),
+            Self::Sqlite => sqlite::contents(path, limits),
         }
     }
 
@@ -121,13 +142,22 @@ impl Kind {
     }
 }
 
-/// Whether the path is meant as a bag: a folder with `metadata.yaml`, or a file that is or is called one.
-pub fn is_bag(path: &Path) -> bool {
-    if path.is_dir() {
-        return path.join(metadata::FILE_NAME).is_file();
+/// What recordings are called.
+pub const SUFFIXES: [&str; 2] = ["mcap", "db3"];
+
+/// Whether the file is called a recording, packed or not.
+pub fn is_named_as_bag(path: &Path) -> bool {
+    let is = |path: &Path| SUFFIXES.contains(&other::suffix(path).as_str());
+    path.is_file() && (is(path) || other::suffix(path) == metadata::ZSTD_SUFFIX && is(&path.with_extension("")))
+}
+
+/// Whether the path is meant as a bag: a file that is one, or a folder with `metadata.yaml` or with recordings and no images.
+pub fn is_bag(path: &Path) -> Result<bool, ReplayError> {
+    if !path.is_dir() {
+        return Ok(path.is_file() && matches!(Kind::of(path), Ok(Some(_))));
     }
-    let called = path.extension().is_some_and(|e| e == "mcap" || e == "db3");
-    path.is_file() && (called || matches!(Kind::of(path), Ok(Some(_))))
+    let is_bag = path.join(metadata::FILE_NAME).is_file();
+    Ok(is_bag || (!metadata::recordings(path)?.is_empty() && !folder::has_images(path)?))
 }
 
 /// The images of one topic.
@@ -138,40 +168,58 @@ pub struct Bag {
     picture: Picture,
     files: std::vec::IntoIter<(PathBuf, Kind)>,
     current: Option<(PathBuf, Box<dyn Messages>)>,
-    /// Whether each message is a Zstandard frame.
-    compressed: bool,
     remaining: usize,
     message: Recorded,
     header: Header,
+    notes: Vec<String>,
     limits: Limits,
 }
 
 impl Bag {
     /// Opens a folder or a file. Every file is looked at, so that what is missing is known before the first frame.
     pub fn open(path: &Path, topic: Option<&str>, limits: &Limits) -> Result<Self, BagError> {
-        let Metadata { files, compressed } = Metadata::of(path)?;
-        let mut kinds = Vec::new();
-        let mut all = Vec::new();
+        let Metadata { files, ordered } = Metadata::of(path)?;
+        let mut notes = Vec::new();
+        let mut parts = Vec::new();
+        let several = files.len() > 1;
         for file in files {
-            let kind = Kind::of(&file).map_err(|source| BagError::Io { path: file.clone(), source })?;
-            let kind = kind.ok_or_else(|| BagError::Kind(file.clone()))?;
-            topics::merge(&mut all, kind.topics(&file, limits)?);
-            kinds.push((file, kind));
+            let failed = |source| BagError::Io { path: file.clone(), source };
+            match Kind::of(&file).map_err(failed)? {
+                Some(kind) => {
+                    let contents = kind.contents(&file, limits)?;
+                    notes.extend(contents.note.as_ref().map(|note| format!("{}: {note}", file.display())));
+                    parts.push(Part { file, kind, contents });
+                }
+                None => match Other::of(&file).map_err(failed)? {
+                    // What a recorder leaves that was ended before it wrote the first message.
+                    Other::Empty if several => notes.push(format!("{}: empty, passed over", file.display())),
+                    other => {
+                        let advice = other.advice(&file);
+                        return Err(BagError::Kind { path: file, advice });
+                    }
+                },
+            }
         }
-        let (info, picture) = topics::choose(path, &all, topic)?;
-        if info.count == 0 {
-            return Err(BagError::Empty { path: path.to_owned(), topic: info.name.clone() });
+        if !ordered {
+            notes.push(format!("{}: {}", path.display(), by_time(&mut parts)));
         }
+        let mut all = Vec::new();
+        parts.iter_mut().for_each(|part| topics::merge(&mut all, std::mem::take(&mut part.contents.topics)));
+        let Choice { topic, picture, note } = topics::choose(path, &all, topic)?;
+        if topic.count == 0 {
+            return Err(BagError::Empty { path: path.to_owned(), topic: topic.name.clone() });
+        }
+        notes.extend(note.map(|note| format!("{}: {note}", path.display())));
         Ok(Self {
             path: path.to_owned(),
-            topic: info.name.clone(),
+            topic: topic.name.clone(),
             picture,
-            files: kinds.into_iter(),
+            files: parts.into_iter().map(|part| (part.file, part.kind)).collect::<Vec<_>>().into_iter(),
             current: None,
-            compressed,
-            remaining: usize::try_from(info.count).unwrap_or(usize::MAX),
+            remaining: usize::try_from(topic.count).unwrap_or(usize::MAX),
             message: Recorded::default(),
             header: Header::default(),
+            notes,
             limits: limits.clone(),
         })
     }
@@ -195,7 +243,7 @@ impl Bag {
 
     /// The frame in the message that was read last.
     fn frame(&mut self) -> Result<FrameBuffer, String> {
-        if self.compressed {
+        if self.message.bytes.starts_with(COMPRESSED) {
             let most = usize::try_from(self.limits.message_bytes()).unwrap_or(usize::MAX);
             self.message.bytes = inflate::zstd(&self.message.bytes, most)?;
         }
@@ -218,6 +266,38 @@ impl Bag {
     fn message<T: Topic + DeserializeOwned>(&self) -> Result<T, String> {
         cdr::decode(&self.message.bytes).map_err(|e| e.to_string())
     }
+}
+
+/// A file of a bag that has been looked at.
+struct Part {
+    file: PathBuf,
+    kind: Kind,
+    contents: Contents,
+}
+
+/// Puts files that nobody has listed into the order of their first messages; those without messages stay behind. Gives what
+/// to say of it.
+fn by_time(parts: &mut [Part]) -> String {
+    let name = |part: &Part| part.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let named: Vec<_> = parts.iter().map(name).collect();
+    parts.sort_by_key(|part| part.contents.span.map_or(u64::MAX, |(first, _)| first));
+    let timed: Vec<_> = parts.iter().map(name).collect();
+    let count = parts.len();
+    let missing = format!("no {} that tells of the recording (it was not ended, perhaps)", metadata::FILE_NAME);
+    let read = if count == 1 { format!("{} is read", timed[0]) } else { format!("its {count} files are read") };
+    let order = match count {
+        1 => "",
+        _ if timed == named => " in the order of their names, which is that of their times",
+        _ => " in the order of their times, which is not that of their names",
+    };
+    let overlap = parts.windows(2).find(|pair| match (pair[0].contents.span, pair[1].contents.span) {
+        (Some((_, end)), Some((begin, _))) => begin < end,
+        _ => false,
+    });
+    let overlap = overlap.map_or(String::new(), |pair| {
+        format!("; {} begins before {} ends, which may be two recordings", name(&pair[1]), name(&pair[0]))
+    });
+    format!("{missing}; {read}{order}{overlap}")
 }
 
 impl FrameSource for Bag {
@@ -244,5 +324,9 @@ impl FrameSource for Bag {
     fn truth_candidates(&self) -> Vec<PathBuf> {
         let folder = if self.path.is_dir() { Some(self.path.as_path()) } else { self.path.parent() };
         folder.map(|f| f.join(FILE_NAME)).into_iter().collect()
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
     }
 }

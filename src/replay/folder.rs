@@ -2,26 +2,28 @@
 
 use std::path::{Path, PathBuf};
 
+use super::other::{self, Tally};
 use super::truth::FILE_NAME;
-use super::{FrameBuffer, FrameSource, Origin, ReplayError};
+use super::{FrameBuffer, FrameSource, Origin, ReplayError, order};
 use crate::decode::decode;
 use crate::file;
 use crate::params::Limits;
 
 /// Names that images end in, in any case.
-pub const EXTENSIONS: [&str; 3] = ["jpg", "jpeg", "png"];
+pub const EXTENSIONS: [&str; 9] = ["jpg", "jpeg", "png", "bmp", "tif", "tiff", "webp", "pgm", "ppm"];
 /// The folder within a sequence's folder that holds its images.
-const IMAGE_FOLDER: &str = "img";
+pub const IMAGE_FOLDER: &str = "img";
 /// A file of at most so many bytes may be a link in writing; no image is that small.
 const MAX_LINK: u64 = 1024;
 
-/// The images of a folder, sorted by name; numbers within names count as numbers, so that `10` follows `9`.
+/// The images of a folder, sorted by the numbers in their names; see [`order`].
 #[derive(Debug)]
 pub struct Folder {
     images: std::vec::IntoIter<PathBuf>,
     path: PathBuf,
     /// The last image file, as it was read.
     bytes: Vec<u8>,
+    notes: Vec<String>,
     /// Bytes that an image may take.
     most: u64,
 }
@@ -30,20 +32,39 @@ impl Folder {
     /// The images in `path`, or in `path/img` where there is such a folder or a link to one. None at all is an error.
     pub fn open(path: &Path, limits: &Limits) -> Result<Self, ReplayError> {
         let path = image_folder(path);
-        let failed = |source| ReplayError::Io { path: path.clone(), source };
-        let mut images = Vec::new();
-        for entry in std::fs::read_dir(&path).map_err(failed)? {
-            let entry = entry.map_err(failed)?.path();
-            if is_image(&entry) {
-                images.push(entry);
-            }
-        }
+        let (mut images, others): (Vec<_>, Vec<_>) = files(&path)?.into_iter().partition(|file| is_image(file));
         if images.is_empty() {
-            return Err(ReplayError::NoImages { path });
+            let advice = other::folder_advice(&path, &others);
+            return Err(ReplayError::NoImages { path, advice });
         }
-        alphanumeric_sort::sort_path_slice(&mut images);
-        Ok(Self { images: images.into_iter(), path, bytes: Vec::new(), most: limits.image_bytes() })
+        let mut notes = order::sort(&mut images);
+        let mut passed_over = Tally::default();
+        others.iter().for_each(|file| passed_over.add(file));
+        let passed_over = passed_over.strange();
+        if !passed_over.is_empty() {
+            notes.push(format!("passed over: {passed_over}; read are {}", EXTENSIONS.join(", ")));
+        }
+        let notes = notes.into_iter().map(|note| format!("{}: {note}", path.display())).collect();
+        Ok(Self { images: images.into_iter(), path, bytes: Vec::new(), notes, most: limits.image_bytes() })
     }
+}
+
+/// Whether images lie in the folder, or in the one within that would be taken.
+pub fn has_images(path: &Path) -> Result<bool, ReplayError> {
+    Ok(files(&image_folder(path))?.iter().any(|file| is_image(file)))
+}
+
+/// The files of a folder that are not hidden: archives leave such behind (`._0001.jpg`).
+pub fn files(path: &Path) -> Result<Vec<PathBuf>, ReplayError> {
+    let failed = |source| ReplayError::Io { path: path.to_owned(), source };
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(path).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        if !entry.file_name().to_string_lossy().starts_with('.') && !entry.path().is_dir() {
+            files.push(entry.path());
+        }
+    }
+    Ok(files)
 }
 
 impl FrameSource for Folder {
@@ -70,6 +91,10 @@ impl FrameSource for Folder {
         let above = self.path.parent().filter(|_| self.path.ends_with(IMAGE_FOLDER)).map(|p| p.join(FILE_NAME));
         above.into_iter().chain([beside]).collect()
     }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
+    }
 }
 
 /// The folder with the images of a sequence.
@@ -83,11 +108,10 @@ fn image_folder(path: &Path) -> PathBuf {
     linked.unwrap_or_else(|| path.to_owned())
 }
 
-/// Hidden files are none: archives leave such behind (`._0001.jpg`).
-fn is_image(path: &Path) -> bool {
+/// Whether the file is called an image. What is neither a file nor a link to nowhere is none: a pipe would be waited for.
+pub fn is_image(path: &Path) -> bool {
     let hidden = path.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
-    let known = |ext: &str| EXTENSIONS.iter().any(|e| e.eq_ignore_ascii_case(ext));
-    !hidden && path.extension().and_then(|e| e.to_str()).is_some_and(known) && !path.is_dir()
+    !hidden && EXTENSIONS.contains(&other::suffix(path).as_str()) && path.metadata().map_or(true, |m| m.is_file())
 }
 
 /// Reads an image file; see [`decode`].
@@ -152,7 +176,8 @@ mod tests {
         let inner = dir.path().join(IMAGE_FOLDER);
         std::fs::create_dir(&inner).unwrap();
         let message = Folder::open(dir.path(), &Limits::default()).unwrap_err().to_string();
-        assert_eq!(message, format!("{}: no images (jpg, jpeg, png) in the folder", inner.display()));
+        let known = EXTENSIONS.join(", ");
+        assert_eq!(message, format!("{}: no images ({known}) in the folder, which is empty", inner.display()));
         std::fs::write(inner.join("1.png"), b"").unwrap();
         let source = Folder::open(dir.path(), &Limits::default()).unwrap();
         assert_eq!(source.truth_candidates()[0], dir.path().join(FILE_NAME));

@@ -5,11 +5,15 @@
 
 pub mod bag;
 pub mod folder;
+mod order;
+mod other;
 pub mod truth;
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use self::bag::{BagError, Picture};
+use self::other::Other;
 use crate::decode::DecodeError;
 pub use crate::frame::FrameBuffer;
 use crate::messages::Header;
@@ -22,14 +26,14 @@ pub enum ReplayError {
     #[error("{}: no such file or folder", .0.display())]
     Missing(PathBuf),
     /// The path holds something that frames cannot be read from.
-    #[error("{}: no folder of images and no bag (MCAP or SQLite)", .0.display())]
-    Unsupported(PathBuf),
+    #[error("{}: {advice}", path.display())]
+    Unsupported { path: PathBuf, advice: String },
     /// A topic was named where there are none.
     #[error("{}: a folder of images has no topic '{topic}'", path.display())]
     NoTopics { path: PathBuf, topic: String },
-    /// A folder without a single image.
-    #[error("{}: no images ({known}) in the folder", path.display(), known = folder::EXTENSIONS.join(", "))]
-    NoImages { path: PathBuf },
+    /// A folder without a single image, and what there is instead.
+    #[error("{}: {advice}", path.display())]
+    NoImages { path: PathBuf, advice: String },
     /// The file system refuses.
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
@@ -62,30 +66,43 @@ pub trait FrameSource: Send {
 
     /// Where a file of boxes for these frames may lie, first choice first.
     fn truth_candidates(&self) -> Vec<PathBuf>;
+
+    /// What a user should know of how the source is read, a line each: what was chosen, mended or passed over.
+    fn notes(&self) -> &[String] {
+        &[]
+    }
 }
 
 /// What a frame was read from.
 #[derive(Clone, Copy, Debug)]
 pub enum Origin<'a> {
-    /// The bytes of an image file, JPEG or PNG.
+    /// The bytes of an image file.
     File(&'a [u8]),
     /// A message of a bag: its topic and type, when it was recorded (nanoseconds), and its bytes, header included.
     Message { topic: &'a str, picture: Picture, log_time: u64, header: &'a Header, bytes: &'a [u8] },
 }
 
 /// The frames at `path`: a folder of images, or one that has them in `img/`; or those of a topic of a bag, which may be
-/// left out where there is but one with images. What is read and made of it is bounded by the limits.
+/// left out where there is but one with images. The `metadata.yaml` of a bag stands for its folder. What is read
+/// and made of it is bounded by the limits.
 pub fn open(path: &Path, topic: Option<&str>, limits: &Limits) -> Result<Box<dyn FrameSource>, ReplayError> {
-    if bag::is_bag(path) {
-        Ok(Box::new(bag::Bag::open(path, topic, limits)?))
-    } else if path.is_dir() {
-        match topic {
-            None => Ok(Box::new(folder::Folder::open(path, limits)?)),
-            Some(topic) => Err(ReplayError::NoTopics { path: path.to_owned(), topic: topic.to_owned() }),
-        }
-    } else if path.exists() {
-        Err(ReplayError::Unsupported(path.to_owned()))
-    } else {
-        Err(ReplayError::Missing(path.to_owned()))
+    let kind = std::fs::metadata(path).map_err(|source| match source.kind() {
+        ErrorKind::NotFound => ReplayError::Missing(path.to_owned()),
+        _ => ReplayError::Io { path: path.to_owned(), source },
+    })?;
+    if kind.is_file() && path.ends_with(bag::metadata::FILE_NAME) {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        return open(folder.unwrap_or(Path::new(".")), topic, limits);
+    }
+    if bag::is_bag(path)? {
+        return Ok(Box::new(bag::Bag::open(path, topic, limits)?));
+    }
+    if !kind.is_dir() {
+        let other = Other::of(path).map_err(|source| ReplayError::Io { path: path.to_owned(), source })?;
+        return Err(ReplayError::Unsupported { path: path.to_owned(), advice: other.advice(path) });
+    }
+    match topic {
+        None => Ok(Box::new(folder::Folder::open(path, limits)?)),
+        Some(topic) => Err(ReplayError::NoTopics { path: path.to_owned(), topic: topic.to_owned() }),
     }
 }

@@ -12,11 +12,13 @@ pub const FILE_NAME: &str = "groundtruth_rect.txt";
 /// Bytes that such a file may have: a million rows and more.
 const MOST_BYTES: u64 = 64_000_000;
 
-/// The boxes of a file, one a frame: `x,y,w,h` in pixels, separated by commas, tabs or spaces. `None` where the
+/// The boxes of a file, one a frame: `x,y,w,h` in pixels, separated by commas, semicolons, tabs or spaces. `None` where the
 /// target is not in view: a number is NaN, or the box has no area. Empty lines are skipped.
 pub fn read(path: &Path) -> Result<Vec<Option<Rect>>, ReplayError> {
     let text = file::read_text(path, MOST_BYTES);
     let text = text.map_err(|error| ReplayError::Io { path: path.to_owned(), source: error.into() })?;
+    // Some editors of Windows begin text with a mark.
+    let text = text.trim_start_matches('\u{feff}');
     let rows = text.lines().enumerate().filter(|(_, row)| !row.trim().is_empty());
     rows.map(|(i, row)| {
         let rect = parse(row).map_err(|why| ReplayError::Box {
@@ -32,7 +34,7 @@ pub fn read(path: &Path) -> Result<Vec<Option<Rect>>, ReplayError> {
 
 /// A box as four numbers: x, y, width, height.
 pub fn parse(text: &str) -> Result<Rect, String> {
-    let words: Vec<&str> = text.split([',', '\t', ' ']).filter(|w| !w.trim().is_empty()).collect();
+    let words: Vec<&str> = text.split([',', ';', '\t', ' ']).filter(|w| !w.trim().is_empty()).collect();
     let &[x, y, w, h] = words.as_slice() else {
         return Err(format!("it must hold four numbers x,y,w,h, not {}", words.len()));
     };
@@ -49,8 +51,12 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join(FILE_NAME);
         let marked = Some(Rect::new(1.5, 2.0, 30.0, 40.0));
-        std::fs::write(&path, "1.5,2,30,40\n1.5\t2\t30\t40\r\n 1.5  2 30, 40\nNaN,NaN,NaN,NaN\n0,0,0,0\n\n").unwrap();
-        assert_eq!(read(&path).unwrap(), [marked, marked, marked, None, None]);
+        std::fs::write(
+            &path,
+            "\u{feff}1.5,2,30,40\n1.5\t2\t30\t40\r\n 1.5  2 30, 40\n1.5;2;30;40\nNaN,nan,-nan,NaN\n0,0,0,0\n\n",
+        )
+        .unwrap();
+        assert_eq!(read(&path).unwrap(), [marked, marked, marked, marked, None, None]);
     }
 
     #[test]

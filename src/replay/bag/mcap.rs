@@ -1,5 +1,6 @@
 //! Bags in MCAP files. The index at the end of a file tells where the chunks are, and these are read in order of time;
-//! a file that was written without chunks is looked through once instead.
+//! a file that was written without chunks is looked through once instead. Where the index is missing, messages are read in
+//! the order in which they were written.
 //!
 //! No length in a file is believed: a record must lie in the file, what is read of it or made of it is bounded, and so is
 //! what is held at a time. Records that are not needed, however large, are passed over.
@@ -14,10 +15,12 @@ use mcap::McapError;
 use mcap::records::{Channel, ChunkIndex, Footer, MessageHeader, Record, Statistics, op};
 
 pub use self::chunks::Chunks;
-use super::{BagError, Messages, Recorded, TopicInfo};
+use self::unindexed::{Found, Unindexed};
+use super::{BagError, Contents, Messages, Recorded, TopicInfo};
 use crate::params::Limits;
 
 mod chunks;
+mod unindexed;
 
 /// Bytes before the body of a record: its kind and its length.
 const RECORD_HEADER: usize = 9;
@@ -61,6 +64,8 @@ enum Layout {
     Chunks(Vec<ChunkIndex>, Statistics),
     /// One by one.
     Single(Vec<Single>),
+    /// Not known: nothing tells of them, or the file is cut off.
+    Unindexed,
 }
 
 /// Where a message outside of a chunk is.
@@ -105,8 +110,36 @@ impl Source {
         BagError::Broken { path: self.path.clone(), why }
     }
 
-    /// What is in the file; nothing of a message but its place is read.
     fn layout(&mut self) -> Result<(Channels, Layout), BagError> {
+        match self.listed() {
+            Err(BagError::CutOff { .. }) => Ok((Channels::default(), Layout::Unindexed)),
+            layout => layout,
+        }
+    }
+
+    /// The file from its start, for one that does not tell what is where.
+    fn unindexed(&self) -> Result<Unindexed, BagError> {
+        let failed = |source| BagError::Io { path: self.path.clone(), source };
+        let (file, _) = crate::file::open(&self.path).map_err(|e| failed(e.into()))?;
+        Ok(Unindexed::new(file, self.most))
+    }
+
+    fn unindexed_contents(&self) -> Result<Contents, BagError> {
+        let Found { topics, span, ended } = self.unindexed()?.look_through();
+        let note = match (ended, span) {
+            (false, None) => return Err(self.cut_off()),
+            (false, Some(_)) => format!(
+                "cut off after {} bytes, or broken: what is there is read, in the order in which it was written ('mcap recover' \
+                 makes a whole file of it)",
+                self.len
+            ),
+            (true, _) => "without an index of what is in it: read in the order in which it was written".to_owned(),
+        };
+        Ok(Contents { topics, span, note: Some(note) })
+    }
+
+    /// What is in the file; nothing of a message but its place is read.
+    fn listed(&mut self) -> Result<(Channels, Layout), BagError> {
         let footer = self.footer()?;
         let mut channels = Channels::default();
         let mut chunks = Vec::new();
@@ -144,7 +177,7 @@ impl Source {
         }
     }
 
-    /// Finds every message of a file without chunks, up to a place.
+    /// Finds every message of a file without chunks, up to a place; where a chunk is met, no index tells of it.
     fn look_through(&mut self, end: u64) -> Result<(Channels, Layout), BagError> {
         let mut channels = Channels::default();
         let mut singles = Vec::new();
@@ -154,11 +187,7 @@ impl Source {
             at = place.end();
             match place.opcode {
                 op::DATA_END => break,
-                op::CHUNK => {
-                    let why =
-                        "chunks and messages are not listed at the end of the file ('mcap recover' writes it anew)";
-                    return Err(self.broken(why.to_owned()));
-                }
+                op::CHUNK => return Ok((channels, Layout::Unindexed)),
                 op::MESSAGE => singles.push(self.single(place)?),
                 _ => drop(self.index_record(place, &mut channels)?),
             }
@@ -288,9 +317,19 @@ fn texts(opcode: u8, mut body: &[u8]) -> Option<()> {
 }
 
 /// What was recorded in the file.
-pub fn topics(path: &Path, limits: &Limits) -> Result<Vec<TopicInfo>, BagError> {
-    let (channels, layout) = Source::open(path, limits)?.layout()?;
+pub fn contents(path: &Path, limits: &Limits) -> Result<Contents, BagError> {
+    let mut source = Source::open(path, limits)?;
+    let (channels, layout) = source.layout()?;
+    let span = match &layout {
+        Layout::Unindexed => return source.unindexed_contents(),
+        Layout::Chunks(_, told) => (told.message_count > 0).then_some((told.message_start_time, told.message_end_time)),
+        Layout::Single(messages) => {
+            let times = messages.iter().map(|message| message.log_time);
+            times.clone().min().zip(times.max())
+        }
+    };
     let counts: HashMap<u16, u64> = match layout {
+        Layout::Unindexed => HashMap::new(),
         Layout::Chunks(_, statistics) => statistics.channel_message_counts.into_iter().collect(),
         Layout::Single(messages) => messages.iter().fold(HashMap::new(), |mut counts, message| {
             *counts.entry(message.channel).or_default() += 1;
@@ -307,7 +346,7 @@ pub fn topics(path: &Path, limits: &Limits) -> Result<Vec<TopicInfo>, BagError> 
         };
         super::topics::merge(&mut topics, vec![topic]);
     }
-    Ok(topics)
+    Ok(Contents { topics, span, note: None })
 }
 
 /// The messages of a topic.
@@ -319,6 +358,8 @@ pub struct Reader {
 enum Order {
     Chunks(Chunks),
     Single(std::vec::IntoIter<Single>),
+    /// The topic is looked for.
+    Unindexed(Box<Unindexed>, String),
 }
 
 impl Reader {
@@ -334,6 +375,7 @@ impl Reader {
                 messages.sort_by_key(|message| message.log_time);
                 Order::Single(messages.into_iter())
             }
+            Layout::Unindexed => Order::Unindexed(Box::new(source.unindexed()?), topic.to_owned()),
         };
         Ok(Self { source, order })
     }
@@ -343,6 +385,7 @@ impl Messages for Reader {
     fn next_into(&mut self, message: &mut Recorded) -> Result<bool, BagError> {
         let Self { source, order } = self;
         match order {
+            Order::Unindexed(file, topic) => Ok(file.next_into(Some(topic), message).is_some()),
             Order::Single(messages) => {
                 let Some(single) = messages.next() else { return Ok(false) };
                 message.log_time = single.log_time;

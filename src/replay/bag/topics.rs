@@ -1,12 +1,17 @@
 //! Which topic of a bag is meant.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::BagError;
 use crate::messages::{CompressedImage, Image, Topic};
+use crate::replay::other::listed;
 
 /// How messages must be laid out.
 const CDR: &str = "cdr";
+/// How those of ROS 1 are.
+const ROS_1: &str = "ros1";
+/// How the names of types end that hold coded video: Foxglove's, and those of the image transports.
+const VIDEO: [&str; 3] = ["CompressedVideo", "FFMPEGPacket", "theora_image_transport/msg/Packet"];
 
 /// What was recorded under a name.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,33 +57,86 @@ pub fn merge(all: &mut Vec<TopicInfo>, more: Vec<TopicInfo>) {
     }
 }
 
-/// The topic of that name; without a name, the only one that holds images.
-pub fn choose<'a>(path: &Path, all: &'a [TopicInfo], name: Option<&str>) -> Result<(&'a TopicInfo, Picture), BagError> {
+/// A topic with images, and what to say of the choice where it was not the user's alone.
+#[derive(Debug)]
+pub struct Choice<'a> {
+    pub topic: &'a TopicInfo,
+    pub picture: Picture,
+    pub note: Option<String>,
+}
+
+/// The topic of that name, which may lack its first slash; without a name, the only one on which images were recorded.
+pub fn choose<'a>(path: &Path, all: &'a [TopicInfo], name: Option<&str>) -> Result<Choice<'a>, BagError> {
     let images: Vec<_> = all.iter().filter_map(|t| Some((t, Picture::of(t)?))).collect();
     let path = path.to_owned();
-    let known = list(&images);
-    match (name, images.as_slice()) {
-        (None, &[only]) => Ok(only),
-        (None, _) => Err(BagError::Choose { path, known }),
-        (Some(name), images) => match images.iter().find(|(t, _)| t.name == name) {
-            Some(&found) => Ok(found),
-            None => Err(match all.iter().find(|t| t.name == name) {
-                None => BagError::NoTopic { path, topic: name.to_owned(), known },
-                Some(other) => {
-                    let kind = format!("{} in {}", other.kind, other.format);
-                    BagError::NoImages { path, topic: name.to_owned(), kind, known }
-                }
-            }),
-        },
+    let Some(name) = name else { return only(path, &images, all) };
+    let is_named = |topic: &TopicInfo| topic.name == name || topic.name.strip_prefix('/') == Some(name);
+    let found = images.iter().filter(|(t, _)| is_named(t)).max_by_key(|(t, _)| t.count);
+    if let Some(&(topic, picture)) = found {
+        return Ok(Choice { topic, picture, note: None });
+    }
+    let known = known(&images, all);
+    Err(match all.iter().find(|t| is_named(t)) {
+        None => BagError::NoTopic { path, topic: name.to_owned(), known },
+        Some(other) => {
+            let kind = format!("{} in {}", other.kind, other.format);
+            let reason = if images.is_empty() { reason(&[other]) } else { "" };
+            let known = format!("{known}{reason}");
+            BagError::NoImages { path, topic: name.to_owned(), kind, known }
+        }
+    })
+}
+
+fn only<'a>(path: PathBuf, images: &[(&'a TopicInfo, Picture)], all: &[TopicInfo]) -> Result<Choice<'a>, BagError> {
+    let recorded: Vec<_> = images.iter().filter(|(t, _)| t.count > 0).collect();
+    match recorded.as_slice() {
+        [] if images.is_empty() => {
+            let reason = reason(&all.iter().collect::<Vec<_>>());
+            Err(BagError::NothingToSee { path, known: known(images, all), reason })
+        }
+        [] => Err(BagError::NothingRecorded { path, known: known(images, all) }),
+        &[&(topic, picture)] => {
+            let empty = images.iter().filter(|(t, _)| t.count == 0).map(|(t, _)| t.name.clone());
+            let note = (images.len() > 1).then(|| {
+                let empty = listed(empty);
+                format!("{} is read: nothing was recorded on {empty}", topic.name)
+            });
+            Ok(Choice { topic, picture, note })
+        }
+        _ => Err(BagError::Choose { path, known: known(images, all) }),
     }
 }
 
-/// `/a (sensor_msgs/msg/Image, 12 messages), ...` by name.
-fn list(images: &[(&TopicInfo, Picture)]) -> String {
-    let one = |(t, _): &(&TopicInfo, Picture)| format!("{} ({}, {} messages)", t.name, t.kind, t.count);
-    let mut all: Vec<_> = images.iter().map(one).collect();
-    all.sort_unstable();
-    if all.is_empty() { "none".to_owned() } else { all.join(", ") }
+/// `topics with images: /a (sensor_msgs/msg/Image, 12 messages), ...` by name; where there are none, what else there is.
+fn known(images: &[(&TopicInfo, Picture)], all: &[TopicInfo]) -> String {
+    let one = |t: &TopicInfo| format!("{} ({}, {} messages)", t.name, t.kind, t.count);
+    let mut images: Vec<_> = images.iter().map(|(t, _)| one(t)).collect();
+    images.sort_unstable();
+    if !images.is_empty() {
+        return format!("topics with images: {}", images.join(", "));
+    }
+    let mut others: Vec<_> =
+        all.iter().map(|t| format!("{} ({} in {}, {} messages)", t.name, t.kind, t.format, t.count)).collect();
+    others.sort_unstable();
+    if others.is_empty() {
+        "there are no topics".to_owned()
+    } else {
+        format!("there are: {}", listed(others.into_iter()))
+    }
+}
+
+/// Why there is nothing to be read in these, and what to do about it.
+fn reason(topics: &[&TopicInfo]) -> &'static str {
+    let is = |test: fn(&TopicInfo) -> bool| topics.iter().any(|t| test(t));
+    if is(|t| t.format == ROS_1) {
+        "; messages of ROS 1 are not read: convert the original .bag with 'rosbags-convert --src FILE.bag --dst FOLDER' \
+         ('pip install rosbags')"
+    } else if is(|t| VIDEO.iter().any(|kind| t.kind.ends_with(kind))) {
+        "; coded video is not read, for its frames are no images by themselves: record the images, or write them as files \
+         ('ffmpeg -i VIDEO frames/%06d.png') and give that folder"
+    } else {
+        "; read are sensor_msgs/msg/Image and sensor_msgs/msg/CompressedImage in cdr"
+    }
 }
 
 #[cfg(test)]
@@ -91,7 +149,7 @@ mod tests {
 
     fn chosen(all: &[TopicInfo], name: Option<&str>) -> Result<(String, Picture), String> {
         let chosen = choose(Path::new("a.mcap"), all, name);
-        chosen.map(|(t, p)| (t.name.clone(), p)).map_err(|e| e.to_string())
+        chosen.map(|c| (c.topic.name.clone(), c.picture)).map_err(|e| e.to_string())
     }
 
     #[test]
@@ -109,13 +167,47 @@ mod tests {
     }
 
     #[test]
-    fn what_is_laid_out_otherwise_is_no_image() {
-        let mut json = topic("/b", "Image", 3);
-        json.format = "json".to_owned();
-        let message = "a.mcap: choose by --topic NAME; topics with images: none";
-        assert_eq!(chosen(&[json.clone()], None), Err(message.to_owned()));
-        let message = "a.mcap: topic '/b' holds sensor_msgs/msg/Image in json; topics with images: none";
-        assert_eq!(chosen(&[json], Some("/b")), Err(message.to_owned()));
+    fn a_topic_on_which_nothing_was_recorded_is_not_meant() {
+        let mut all = vec![topic("/a", "Image", 0), topic("/b", "CompressedImage", 3), topic("/imu", "Imu", 9)];
+        let note = choose(Path::new("a.mcap"), &all, None).unwrap().note;
+        assert_eq!(note.as_deref(), Some("/b is read: nothing was recorded on /a"));
+        assert_eq!(chosen(&all, None).unwrap().0, "/b");
+        // Whoever names it gets it, with or without the slash.
+        assert_eq!(chosen(&all, Some("a")).unwrap().0, "/a");
+        all.remove(1);
+        let known = "topics with images: /a (sensor_msgs/msg/Image, 0 messages)";
+        assert_eq!(chosen(&all, None), Err(format!("a.mcap: nothing was recorded on a topic with images; {known}")));
+        assert_eq!(choose(Path::new("a.mcap"), &[topic("/b", "Image", 1)], None).unwrap().note, None);
+    }
+
+    #[test]
+    fn where_no_topic_has_images_the_others_are_told_and_why_they_do_not_do() {
+        let other = |name: &str, kind: &str, format: &str| TopicInfo {
+            name: name.to_owned(),
+            kind: kind.to_owned(),
+            format: format.to_owned(),
+            count: 3,
+        };
+        let plain = "; read are sensor_msgs/msg/Image and sensor_msgs/msg/CompressedImage in cdr";
+        for (topic, reason) in [
+            (other("/b", "sensor_msgs/msg/Image", "json"), plain),
+            (other("/b", "foxglove.RawImage", "protobuf"), plain),
+            (other("/camera_info", "sensor_msgs/msg/CameraInfo", "cdr"), plain),
+            (other("/b", "sensor_msgs/Image", "ros1"), "; messages of ROS 1 are not read: convert"),
+            (other("/b", "foxglove.CompressedVideo", "protobuf"), "; coded video is not read"),
+            (other("/b", "foxglove_msgs/msg/CompressedVideo", "cdr"), "; coded video is not read"),
+            (other("/b", "ffmpeg_image_transport_msgs/msg/FFMPEGPacket", "cdr"), "; coded video is not read"),
+        ] {
+            let there = format!("there are: {} ({} in {}, 3 messages)", topic.name, topic.kind, topic.format);
+            let message = chosen(&[topic.clone()], None).unwrap_err();
+            assert!(message.starts_with(&format!("a.mcap: no topic with images; {there}{reason}")), "{message}");
+            let message = chosen(&[topic.clone()], Some(&topic.name)).unwrap_err();
+            let holds =
+                format!("a.mcap: topic '{}' holds {} in {}; {there}{reason}", topic.name, topic.kind, topic.format);
+            assert!(message.starts_with(&holds), "{message}");
+        }
+        let message = chosen(&[], None).unwrap_err();
+        assert!(message.starts_with("a.mcap: no topic with images; there are no topics"), "{message}");
     }
 
     #[test]
