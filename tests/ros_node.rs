@@ -200,6 +200,7 @@ fn a_start_that_cannot_be_is_one_line_and_an_exit_code() {
     let path = file.path().to_str().expect("a path of text");
     let node = |args: &[&str], variables: &[(&str, &str)]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tracker_node"));
+        command.env("ROS_LOG_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/log"));
         let output = command.args(args).envs(variables.iter().copied()).output().expect("the node ran");
         let text = String::from_utf8(output.stderr).expect("text") + &String::from_utf8_lossy(&output.stdout);
         (output.status.code(), text)

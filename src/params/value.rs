@@ -37,6 +37,29 @@ impl Value {
             Self::StringArray(_) => Kind::StringArray,
         }
     }
+
+    /// A list of this value alone; a list stays as it is.
+    pub fn into_array(self) -> Self {
+        match self {
+            Self::Bool(v) => Self::BoolArray(vec![v]),
+            Self::Integer(v) => Self::IntegerArray(vec![v]),
+            Self::Double(v) => Self::DoubleArray(vec![v]),
+            Self::String(v) => Self::StringArray(vec![v]),
+            list => list,
+        }
+    }
+
+    /// Adds a value to a list of its type; whether this is one.
+    pub fn push(&mut self, item: &Self) -> bool {
+        match (self, item) {
+            (Self::BoolArray(list), Self::Bool(v)) => list.push(*v),
+            (Self::IntegerArray(list), Self::Integer(v)) => list.push(*v),
+            (Self::DoubleArray(list), Self::Double(v)) => list.push(*v),
+            (Self::StringArray(list), Self::String(v)) => list.push(v.clone()),
+            _ => return false,
+        }
+        true
+    }
 }
 
 impl Value {
@@ -83,7 +106,7 @@ fn double(v: &f64) -> String {
 }
 
 /// The type of a parameter; the discriminants are those of `rcl_interfaces/msg/ParameterType`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Kind {
     /// See [`Value::Bool`].

@@ -11,7 +11,7 @@ use log::LevelFilter;
 
 use super::fault::Fault;
 use super::names::Rule;
-use crate::params;
+use crate::params::Overrides;
 
 /// Follows a target that is marked in a camera stream.
 #[derive(Parser, Debug)]
@@ -25,7 +25,9 @@ use crate::params;
         --params-file FILE         Set the parameters of a ROS parameter file\n      \
         --log-level [NAME:=]LEVEL  debug, info, warn, error or fatal\n      \
         --disable-rosout-logs      Do not send log lines to /rosout\n      \
-        --disable-stdout-logs      Do not write log lines to the terminal"
+        --disable-stdout-logs      Do not write log lines to the terminal\n      \
+        --disable-external-lib-logs  Do not write log lines to a file\n      \
+        --log-file-name NAME       What the name of the log file begins with"
 )]
 struct Own {}
 
@@ -38,10 +40,14 @@ pub struct Args {
     pub parameters: Vec<Source>,
     /// Levels of loggers, in order; no name means all of ours.
     pub levels: Vec<(Option<String>, LevelFilter)>,
-    /// Whether log lines go to `/rosout`.
+    /// Whether no log lines go to `/rosout`.
     pub no_rosout: bool,
-    /// Whether log lines go to the terminal.
+    /// Whether none go to the terminal.
     pub no_terminal: bool,
+    /// Whether none go to a file.
+    pub no_file: bool,
+    /// What the name of the log file begins with; the program's name where it is not said.
+    pub file_name: Option<String>,
 }
 
 /// One source of parameters.
@@ -50,12 +56,7 @@ pub enum Source {
     /// A ROS parameter file.
     File(PathBuf),
     /// `[NODE:]NAME:=VALUE`.
-    Assignment {
-        /// The only node meant, where one is named.
-        node: Option<String>,
-        /// Name and value.
-        assignment: params::Assignment,
-    },
+    Assignment(String),
 }
 
 /// Why there are no arguments to go on with.
@@ -100,17 +101,20 @@ fn parse_ros(words: Vec<String>) -> Result<Args, Fault> {
         };
         match flag.as_str() {
             "-r" | "--remap" => args.rules.push(Rule::parse(&value()?)?),
-            "-p" | "--param" => args.parameters.push(assignment(&value()?)?),
+            "-p" | "--param" => args.parameters.push(assignment(value()?)?),
             "--params-file" => args.parameters.push(Source::File(value()?.into())),
             "--log-level" => args.levels.push(level(&value()?)?),
             "--enable-rosout-logs" => args.no_rosout = false,
             "--disable-rosout-logs" => args.no_rosout = true,
             "--enable-stdout-logs" => args.no_terminal = false,
             "--disable-stdout-logs" => args.no_terminal = true,
-            // Security enclaves, log files and other back ends of rcl's logging have no counterpart here; launch
-            // files that name them must still work.
-            "-e" | "--enclave" | "--log-config-file" | "--log-file-name" => drop(value()?),
-            "--enable-external-lib-logs" | "--disable-external-lib-logs" => {}
+            // What rcl calls an external library is the one that writes its log files.
+            "--enable-external-lib-logs" => args.no_file = false,
+            "--disable-external-lib-logs" => args.no_file = true,
+            "--log-file-name" => args.file_name = Some(value()?).filter(|name| !name.is_empty()),
+            // Security enclaves and configured back ends of rcl's logging have no counterpart here; launch files that
+            // name them must still work.
+            "-e" | "--enclave" | "--log-config-file" => drop(value()?),
             _ => {
                 let why = "unknown ROS argument; see --help".to_owned();
                 return Err(Fault::Argument { argument: flag, why });
@@ -120,13 +124,10 @@ fn parse_ros(words: Vec<String>) -> Result<Args, Fault> {
     Ok(args)
 }
 
-fn assignment(text: &str) -> Result<Source, Fault> {
-    let (name, value) = text.split_once(":=").unwrap_or((text, ""));
-    let (node, rest) = match name.split_once(':') {
-        Some((node, name)) => (Some(node.to_owned()), format!("{name}:={value}")),
-        None => (None, text.to_owned()),
-    };
-    Ok(Source::Assignment { node, assignment: params::assignment(&rest)? })
+/// An assignment that can be understood; what it means may depend on those before it.
+fn assignment(text: String) -> Result<Source, Fault> {
+    Overrides::default().assign(&text)?;
+    Ok(Source::Assignment(text))
 }
 
 fn level(text: &str) -> Result<(Option<String>, LevelFilter), Fault> {
@@ -150,7 +151,6 @@ fn level(text: &str) -> Result<(Option<String>, LevelFilter), Fault> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::params::Value;
 
     fn args(line: &str) -> Result<Args, Stop> {
         parse(line.split(' ').map(OsString::from))
@@ -168,12 +168,8 @@ mod tests {
         let got =
             args("node --ros-args -r a:=b -- --ros-args -p n:x:=1 --params-file f.yaml -p y:=true -e /e").unwrap();
         assert_eq!(got.rules, [Rule::parse("a:=b").unwrap()]);
-        let of = |node: Option<&str>, name: &str, value| Source::Assignment {
-            node: node.map(str::to_owned),
-            assignment: (name.to_owned(), value),
-        };
-        let want =
-            [of(Some("n"), "x", Value::Integer(1)), Source::File("f.yaml".into()), of(None, "y", Value::Bool(true))];
+        let of = |text: &str| Source::Assignment(text.to_owned());
+        let want = [of("n:x:=1"), Source::File("f.yaml".into()), of("y:=true")];
         assert_eq!(got.parameters, want);
         assert!(fault("node --ros-args -- -r a:=b").contains("-r"), "outside the block");
     }
@@ -184,6 +180,15 @@ mod tests {
         let want = [(None, LevelFilter::Debug), (Some("rustdds".to_owned()), LevelFilter::Warn)];
         assert_eq!(got.levels, want);
         assert!(got.no_rosout && !got.no_terminal);
+    }
+
+    #[test]
+    fn log_lines_may_be_kept_from_a_file_or_get_one_of_a_name() {
+        let got = args("node --ros-args --disable-external-lib-logs --log-file-name eye").unwrap();
+        assert!(got.no_file);
+        assert_eq!(got.file_name.as_deref(), Some("eye"));
+        let got = args("node --ros-args --disable-external-lib-logs --enable-external-lib-logs").unwrap();
+        assert!(!got.no_file && got.file_name.is_none());
     }
 
     #[test]

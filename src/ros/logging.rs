@@ -1,15 +1,18 @@
-//! Log lines: to standard error as ROS nodes write them, and ours to `/rosout` as well.
+//! Log lines: to standard error and a file as ROS nodes write them, and ours to `/rosout` as well.
 
+use std::fs::File;
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{OnceLock, RwLock};
 use std::time::{Duration, Instant, SystemTime};
 
-use log::{Level, LevelFilter, Log, Metadata, Record};
+use env_logger::{Target, WriteStyle};
+use log::{Level, LevelFilter, Log, Metadata, Record, warn};
 use ros2_client::ros2::LogLevel;
 use ros2_client::{NodeLoggingHandle, RosoutRaw, builtin_interfaces};
 
 use super::args::Args;
+use super::log_file;
 use crate::params::NodeName;
 
 /// The module path of our own lines.
@@ -22,6 +25,8 @@ const PERIOD: Duration = Duration::from_secs(1);
 
 struct Logger {
     terminal: Option<env_logger::Logger>,
+    /// Each line is written at once, so that the file holds all of them however the process ends.
+    file: Option<env_logger::Logger>,
     filter: env_logger::Logger,
     /// The name in log lines, dots between the parts of the namespace.
     name: String,
@@ -55,15 +60,37 @@ pub fn start(args: &Args, node: &NodeName) {
             let level = level_name(record.level());
             writeln!(out, "{style}[{level}] [{:.9}] [{from}]: {}{style:#}", now.as_secs_f64(), record.args())
         });
-        builder.build()
+        builder
     };
-    let terminal = (!args.no_terminal).then(builder);
-    let logger = Logger { terminal, filter: builder(), name: name.clone(), rosout: !args.no_rosout };
+    let terminal = (!args.no_terminal).then(|| builder().build());
+    let made = (!args.no_file).then(|| log_file::create(args.file_name.as_deref()));
+    let (made, failure) = match made.transpose() {
+        Ok(made) => (made, None),
+        Err(failure) => (None, Some(failure)),
+    };
+    let to = |file: File| builder().target(Target::Pipe(Box::new(file))).write_style(WriteStyle::Never).build();
+    let logger =
+        Logger { terminal, file: made.map(to), filter: builder().build(), name: name.clone(), rosout: !args.no_rosout };
     if LOGGER.set(logger).is_ok()
         && let Some(logger) = LOGGER.get()
         && log::set_logger(logger).is_ok()
     {
         log::set_max_level(logger.filter.filter().max(LevelFilter::Error));
+        let report = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            report(panic);
+            to_file(&panic.to_string());
+        }));
+    }
+    if let Some((path, why)) = failure {
+        warn!("log lines go to no file, for {} cannot be made: {why}", path.display());
+    }
+}
+
+/// Writes to the log file what the terminal is told by other ways.
+pub fn to_file(text: &str) {
+    if let Some(file) = LOGGER.get().and_then(|logger| logger.file.as_ref()) {
+        file.log(&Record::builder().level(Level::Error).target(OURS).args(format_args!("{text}")).build());
     }
 }
 
@@ -92,8 +119,8 @@ impl Log for Logger {
         if !self.filter.matches(record) || foreign && ENDING.load(Ordering::Relaxed) {
             return;
         }
-        if let Some(terminal) = &self.terminal {
-            terminal.log(record);
+        for writer in [&self.terminal, &self.file].into_iter().flatten() {
+            writer.log(record);
         }
         // Publishing may log in its turn; only lines of ours are published, so that this ends.
         if self.rosout

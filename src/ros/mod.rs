@@ -15,8 +15,9 @@
 //! | supervisor | [`supervisor`] | signals, the end of any thread, a clock; looks after memory, ends a process that hangs |
 //!
 //! [`queue`] and [`budget`] say which marks the worker obeys and when, so that images win. [`history`] keeps the frames that
-//! a mark may name. [`messages`] are the types on the wire, [`convert`] goes from them to the core's types and back, [`logging`] sends
-//! log lines to the terminal and to `/rosout`, [`stats`] counts, and [`diagnostics`] tells of it.
+//! a mark may name. [`messages`] are the types on the wire, [`convert`] goes from them to the core's types and back, [`logging`]
+//! sends log lines to the terminal, to the file that [`log_file`] makes and to `/rosout`, [`stats`] counts, and [`diagnostics`]
+//! tells of it.
 
 pub mod args;
 pub mod budget;
@@ -31,6 +32,7 @@ pub mod history;
 pub mod image_qos;
 pub mod inbox;
 pub mod intake;
+pub mod log_file;
 pub mod logging;
 pub mod names;
 pub mod node;
@@ -67,6 +69,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     match node::run(args) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(fault) => fault.report(),
+        Err(fault) => {
+            logging::to_file(&fault.to_string());
+            fault.report()
+        }
     }
 }

@@ -10,6 +10,8 @@ use crate::params::NodeName;
 /// A remap rule, `[NODE:][rostopic://|rosservice://]FROM:=TO`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Rule {
+    /// As it was given.
+    text: String,
     /// The only node meant, where one is named.
     node: Option<String>,
     kind: Option<Kind>,
@@ -41,7 +43,7 @@ impl Rule {
         if from.is_empty() || to.is_empty() || node.as_deref() == Some("") {
             return Err(wrong("a name in the remap rule is empty"));
         }
-        Ok(Self { node, kind, from: from.to_owned(), to: to.to_owned() })
+        Ok(Self { text: text.to_owned(), node, kind, from: from.to_owned(), to: to.to_owned() })
     }
 
     fn is_for(&self, node: &str) -> bool {
@@ -102,14 +104,18 @@ impl Names {
     }
 
     fn resolve(&self, name: &str, kind: Kind) -> Result<Name, Fault> {
-        let mut full = self.expand(name);
+        let (mut full, mut by) = (self.expand(name), None);
         for rule in self.rules.iter().filter(|r| r.kind.is_none_or(|k| k == kind) && !r.from.starts_with("__")) {
             if rule.is_for(&self.node.name) && self.expand(&rule.from) == full {
-                full = self.expand(&rule.to);
+                (full, by) = (self.expand(&rule.to), Some(rule));
                 break;
             }
         }
-        Name::parse(&full).map_err(|why| Fault::Name { name: full, why: why.to_string() })
+        let parsed = check(&full).and_then(|()| Name::parse(&full).map_err(|why| why.to_string()));
+        parsed.map_err(|why| match by {
+            Some(rule) => Fault::Argument { argument: rule.text.clone(), why: format!("'{full}' is no name: {why}") },
+            None => Fault::Name { name: full, why },
+        })
     }
 
     /// The absolute name: `~` stands for the node, a relative name lies in the namespace.
@@ -125,6 +131,19 @@ impl Names {
         } else {
             format!("{namespace}/{name}")
         }
+    }
+}
+
+/// Whether an absolute name keeps the rules, and which it breaks.
+fn check(name: &str) -> Result<(), String> {
+    let bad = name.chars().find(|c| !c.is_ascii_alphanumeric() && !matches!(c, '_' | '/'));
+    match bad {
+        Some(bad) => Err(format!("it holds '{bad}', and names hold letters, digits, '_' and '/' only")),
+        None => match name.split('/').skip(1).find(|token| !is_token(token)) {
+            Some("") => Err("there must be a name before, between and after its slashes".to_owned()),
+            Some(token) => Err(format!("'{token}' begins with a digit")),
+            None => Ok(()),
+        },
     }
 }
 
@@ -186,10 +205,16 @@ mod tests {
         {
             assert!(names(&rules).is_err(), "{rules:?}");
         }
-        for to in ["a//b", "a/", "/1", "a b"] {
+        for (to, why) in [
+            ("a//b", "'/a//b' is no name: there must be a name before, between and after its slashes"),
+            ("a/", "'/a/' is no name: there must be"),
+            ("/1", "'/1' is no name: '1' begins with a digit"),
+            ("a b", "'/a b' is no name: it holds ' ', and names hold letters"),
+            ("/my-camera/x", "'/my-camera/x' is no name: it holds '-'"),
+        ] {
             let n = names(&[&format!("image:={to}")]).unwrap();
             let message = n.topic("image").unwrap_err().to_string();
-            assert!(message.starts_with("name '/"), "{message}");
+            assert!(message.starts_with(&format!("argument 'image:={to}': {why}")), "{message}");
         }
         for rule in ["a", ":=b", "a:=", ":a:=b"] {
             assert!(Rule::parse(rule).is_err(), "{rule}");

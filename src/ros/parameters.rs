@@ -1,5 +1,6 @@
 //! The parameters in force: the package's one table and the few that every ROS node has.
 
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use log::warn;
@@ -9,7 +10,7 @@ use super::fault::Fault;
 use super::image_qos::ImageQos;
 use crate::error::ParamsError;
 use crate::features::cnn::Networks;
-use crate::params::{self, Assignment, Kind, NodeName, Params, Phase, Range, Value};
+use crate::params::{self, Assignment, Kind, NodeName, Origin, Override, Overrides, Params, Phase, Range, Value};
 use crate::tracker;
 
 /// Names below which every node accepts parameters that concern only some of its topics.
@@ -17,6 +18,9 @@ const QOS_OVERRIDES: &str = "qos_overrides.";
 const USE_SIM_TIME: &str = "use_sim_time";
 /// How many images may be kept, at most.
 const MAX_DEPTH: i64 = 1000;
+
+/// How many of the nodes are told that a parameter file is for.
+const TOLD: usize = 5;
 
 /// A parameter that is no part of the package's table.
 #[derive(Debug, Clone)]
@@ -158,25 +162,34 @@ impl Settings {
     /// The values that `sources` give this node. Names that no parameter bears are told and passed over, for a file
     /// may be shared with other nodes; a value that cannot be used is a fault.
     pub fn load(&self, sources: &[Source], node: &NodeName) -> Result<Self, Fault> {
-        let mut all = Vec::new();
+        let mut overrides = Overrides::default();
         for source in sources {
-            let (rows, from) = match source {
-                Source::File(path) => (params::file(path, node)?, format!(" in {}", path.display())),
-                Source::Assignment { node: Some(other), .. } if *other != node.name => continue,
-                Source::Assignment { assignment, .. } => (vec![assignment.clone()], String::new()),
-            };
-            for row in rows {
-                // Each row is tried by itself, so that the message can name its file.
-                match self.with(std::slice::from_ref(&row), Phase::StartUp) {
-                    Err(why @ ParamsError::Unknown { .. }) => {
-                        if !row.0.starts_with(QOS_OVERRIDES) {
-                            warn!("{why}{from}; it is ignored");
-                        }
+            match source {
+                Source::File(path) => {
+                    let named = overrides.read(path)?;
+                    if !named.iter().any(|key| node.matches(key)) {
+                        warn!("{}", nothing_for(node, path, &named));
                     }
-                    // Values that do not fit each other may do so once all are there.
-                    Ok(_) | Err(ParamsError::Conflict(_)) => all.push(row),
-                    Err(why) => return Err(in_source(source, why).into()),
                 }
+                Source::Assignment(text) => overrides.assign(text)?,
+            }
+        }
+        let mut all = Vec::new();
+        for given in overrides.of(node) {
+            if given.kinds.len() > 1 {
+                warn!("{}", several_types(&given));
+            }
+            let row = (given.name.clone(), given.value());
+            // Each row is tried by itself, so that the message can name its file.
+            match self.with(std::slice::from_ref(&row), Phase::StartUp) {
+                Err(why @ ParamsError::Unknown { .. }) => {
+                    if !row.0.starts_with(QOS_OVERRIDES) {
+                        warn!("{why}{}; it is ignored", given.origin);
+                    }
+                }
+                // Values that do not fit each other may do so once all are there.
+                Ok(_) | Err(ParamsError::Conflict(_)) => all.push(row),
+                Err(why) => return Err(in_source(&given.origin, why).into()),
             }
         }
         Ok(self.with(&all, Phase::StartUp)?)
@@ -187,11 +200,31 @@ impl Settings {
     }
 }
 
-fn in_source(source: &Source, why: ParamsError) -> ParamsError {
-    match source {
-        Source::File(path) => ParamsError::File { path: path.clone(), why: why.to_string() },
-        Source::Assignment { .. } => why,
+fn in_source(origin: &Origin, why: ParamsError) -> ParamsError {
+    match (&origin.file, origin.place) {
+        (Some(file), Some(place)) => ParamsError::File { path: file.to_path_buf(), why: format!("{place}: {why}") },
+        _ => why,
     }
+}
+
+/// What is told of a parameter file that does not concern the node.
+fn nothing_for(node: &NodeName, path: &Path, named: &[String]) -> String {
+    let others = match named {
+        [] => "it names no node".to_owned(),
+        _ if named.len() > TOLD => format!("it is for {} and {} more", named[..TOLD].join(", "), named.len() - TOLD),
+        _ => format!("it is for {}", named.join(", ")),
+    };
+    format!("parameter file {}: nothing in it is for {}; {others}", path.display(), node.full())
+}
+
+/// What is told of a parameter whose last value need not be the one that holds.
+fn several_types(given: &Override) -> String {
+    let kinds: Vec<_> = given.kinds.iter().map(|k| k.name()).collect();
+    let (name, value) = (&given.name, given.value());
+    format!(
+        "parameter '{name}' is given values of several types ({}); as in every node, {value} holds",
+        kinds.join(", ")
+    )
 }
 
 impl NodeParameter {
@@ -282,8 +315,8 @@ mod tests {
         (name.to_owned(), value)
     }
 
-    fn assigned(name: &str, value: Value) -> Source {
-        Source::Assignment { node: None, assignment: row(name, value) }
+    fn assigned(text: &str) -> Source {
+        Source::Assignment(text.to_owned())
     }
 
     #[test]
@@ -335,14 +368,30 @@ mod tests {
         writeln!(file, "/**: {{ros__parameters: {{seed: 4, other_nodes_parameter: 1, debug: {{max_side: 99}}}}}}")
             .unwrap();
         let sources = [
-            assigned("seed", Value::Integer(1)),
+            assigned("seed:=1"),
             Source::File(file.path().to_owned()),
-            Source::Assignment { node: Some("other".into()), assignment: row("seed", Value::Integer(7)) },
-            assigned("debug.max_side", Value::Integer(100)),
+            assigned("other:seed:=7"),
+            assigned("debug.max_side:=100"),
         ];
         let got = settings().load(&sources, &NodeName::default()).unwrap();
         assert_eq!(got.params.general.seed, 4);
         assert_eq!(got.params.debug.max_side, 100);
+    }
+
+    #[test]
+    fn files_for_others_and_values_of_several_types_are_told() {
+        let named: Vec<String> = ["/a", "/b", "/c", "/d", "/e", "/f", "/g"].map(str::to_owned).into();
+        let told = |named: &[String]| nothing_for(&NodeName::default(), Path::new("f.yaml"), named);
+        assert_eq!(told(&[]), "parameter file f.yaml: nothing in it is for /tracker; it names no node");
+        assert!(told(&named[..2]).ends_with("it is for /a, /b"));
+        assert!(told(&named).ends_with("it is for /a, /b, /c, /d, /e and 2 more"));
+        let mut overrides = Overrides::default();
+        for text in ["seed:=2.5", "seed:=2"] {
+            overrides.assign(text).unwrap();
+        }
+        let told = several_types(&overrides.of(&NodeName::default())[0]);
+        assert!(told.contains("'seed' is given values of several types (integer, double)"), "{told}");
+        assert!(told.ends_with("2 holds"), "{told}");
     }
 
     #[test]
@@ -352,7 +401,10 @@ mod tests {
         let sources = [Source::File(file.path().to_owned())];
         let message = settings().load(&sources, &NodeName::default()).unwrap_err().to_string();
         assert!(message.contains(file.path().to_str().unwrap()), "{message}");
-        assert!(message.contains("'debug.max_side' must lie in 16 to 4096, got 1"), "{message}");
+        assert!(
+            message.contains("line 1, column 43: parameter 'debug.max_side' must lie in 16 to 4096, got 1"),
+            "{message}"
+        );
     }
 
     #[test]

@@ -24,7 +24,10 @@ pub fn domain() -> u32 {
 }
 
 fn isolated(command: &mut Command, domain: u32) -> &mut Command {
-    command.env("ROS_DOMAIN_ID", domain.to_string()).env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    command
+        .env("ROS_DOMAIN_ID", domain.to_string())
+        .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        .env("ROS_LOG_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/log"))
 }
 
 #[derive(Default)]

@@ -62,7 +62,7 @@ impl Unindexed {
                     self.ended = true;
                     return None;
                 }
-                op::SCHEMA | op::CHANNEL | op::MESSAGE => match mcap::parse_record(opcode, data).ok()? {
+                op::SCHEMA | op::CHANNEL | op::MESSAGE => match super::texts(opcode, data).and_then(|()| mcap::parse_record(opcode, data).ok())? {
                     Record::Schema { header, .. } => drop(self.schemas.insert(header.id, header.name)),
                     Record::Channel(channel) => drop(self.channels.insert(channel.id, channel)),
                     Record::Message { header, data } => {

@@ -1,0 +1,122 @@
+//! The text of a parameter file: no more of it than is of use, and only characters that YAML allows.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::Place;
+
+/// The largest parameter file, in bytes.
+const LARGEST: u64 = 1 << 20;
+/// The most lines that begin like a directive, `%`, for each of those is compared with all before it.
+const MOST_DIRECTIVES: usize = 100;
+
+/// Reads a file, which may be a pipe.
+pub fn read(path: &Path) -> Result<String, String> {
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(|e| e.to_string())?;
+    file.take(LARGEST + 1).read_to_end(&mut bytes).map_err(|e| e.to_string())?;
+    if bytes.len() as u64 > LARGEST {
+        return Err(format!("it has more than {LARGEST} bytes"));
+    }
+    let text = decode(bytes)?;
+    check(&text)?;
+    if text.lines().filter(|line| line.starts_with('%')).count() > MOST_DIRECTIVES {
+        return Err(format!("it has more than {MOST_DIRECTIVES} directives"));
+    }
+    Ok(text)
+}
+
+/// UTF-8, or UTF-16 if its mark stands at the beginning.
+fn decode(bytes: Vec<u8>) -> Result<String, String> {
+    let utf16 = |unit: fn([u8; 2]) -> u16| {
+        let (pairs, rest) = bytes[2..].as_chunks::<2>();
+        let units: Vec<u16> = pairs.iter().map(|pair| unit(*pair)).collect();
+        match (String::from_utf16(&units), rest) {
+            (Ok(text), []) => Ok(text),
+            _ => Err("it is no valid UTF-16".to_owned()),
+        }
+    };
+    match bytes.as_slice() {
+        [0xff, 0xfe, ..] => utf16(u16::from_le_bytes),
+        [0xfe, 0xff, ..] => utf16(u16::from_be_bytes),
+        [0xef, 0xbb, 0xbf, rest @ ..] => utf8(rest),
+        rest => utf8(rest),
+    }
+}
+
+fn utf8(bytes: &[u8]) -> Result<String, String> {
+    match str::from_utf8(bytes) {
+        Ok(text) => Ok(text.to_owned()),
+        Err(error) => {
+            let (valid, rest) = bytes.split_at(error.valid_up_to());
+            let place = end(&String::from_utf8_lossy(valid));
+            let byte = rest.first().copied().unwrap_or_default();
+            Err(format!("{place}: the byte {byte:#04x} is no UTF-8"))
+        }
+    }
+}
+
+/// Refuses the characters that YAML does not allow.
+pub fn check(text: &str) -> Result<(), String> {
+    let allowed = |c: char| matches!(c, '\t' | '\n' | '\r' | ' '..='~' | '\u{85}' | '\u{a0}'..='\u{fffd}' | '\u{10000}'..='\u{10ffff}');
+    match text.char_indices().find(|(_, c)| !allowed(*c)) {
+        None => Ok(()),
+        Some((index, c)) => {
+            Err(format!("{}: the character U+{:04X} is not allowed", end(&text[..index]), u32::from(c)))
+        }
+    }
+}
+
+/// Where what follows the text stands.
+fn end(text: &str) -> Place {
+    let lines = text.split('\n');
+    let column = text.rsplit('\n').next().map_or(0, |last| last.chars().count());
+    Place { line: lines.count() as u64, column: column as u64 + 1 }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    fn of(bytes: &[u8]) -> Result<String, String> {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(bytes).unwrap();
+        read(file.path())
+    }
+
+    #[test]
+    fn the_encodings_of_yaml_are_read() {
+        let utf16 =
+            |unit: fn(u16) -> [u8; 2]| "\u{feff}a: \u{1f600}".encode_utf16().flat_map(unit).collect::<Vec<u8>>();
+        for bytes in
+            ["a: \u{1f600}".into(), "\u{feff}a: \u{1f600}".into(), utf16(u16::to_le_bytes), utf16(u16::to_be_bytes)]
+        {
+            assert_eq!(of(&bytes).unwrap(), "a: \u{1f600}");
+        }
+        assert_eq!(of(b"").unwrap(), "");
+    }
+
+    #[test]
+    fn what_is_no_text_is_refused_with_its_place() {
+        for (bytes, why) in [
+            (&b"a: 1\n b\xff: 2"[..], "line 2, column 3: the byte 0xff is no UTF-8"),
+            (b"a: 1\n\x07", "line 2, column 1: the character U+0007 is not allowed"),
+            (b"a\0", "line 1, column 2: the character U+0000"),
+            (b"\xff\xfea", "no valid UTF-16"),
+            (b"\xff\xfe\x00\xd8", "no valid UTF-16"),
+        ] {
+            let got = of(bytes).unwrap_err();
+            assert!(got.contains(why), "{got}");
+        }
+    }
+
+    #[test]
+    fn files_without_an_end_are_not_read_to_it() {
+        assert_eq!(read(Path::new("/dev/zero")).unwrap_err(), "it has more than 1048576 bytes");
+        assert!(of(&[b'#'; 1 << 20]).is_ok());
+        assert!(read(Path::new("/tmp")).unwrap_err().contains("directory"));
+    }
+}
