@@ -89,6 +89,8 @@ messages! {
     }
     "vision_msgs" / Detection2DArray { header: Header, detections: Vec<Detection2D> }
 
+    "rosgraph_msgs" / Clock { clock: Time }
+
     "diagnostic_msgs" / KeyValue { key: String, value: String }
     "diagnostic_msgs" / DiagnosticStatus {
         level: u8,

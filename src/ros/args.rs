@@ -10,7 +10,7 @@ use clap::Parser;
 use log::LevelFilter;
 
 use super::fault::Fault;
-use super::names::Rule;
+use super::names::{Rule, is_namespace};
 use crate::params::Overrides;
 
 /// Follows a target that is marked in a camera stream.
@@ -40,6 +40,8 @@ pub struct Args {
     pub parameters: Vec<Source>,
     /// Levels of loggers, in order; no name means all of ours.
     pub levels: Vec<(Option<String>, LevelFilter)>,
+    /// The security enclave, which is not supported.
+    pub enclave: Option<String>,
     /// Whether no log lines go to `/rosout`.
     pub no_rosout: bool,
     /// Whether none go to the terminal.
@@ -112,9 +114,9 @@ fn parse_ros(words: Vec<String>) -> Result<Args, Fault> {
             "--enable-external-lib-logs" => args.no_file = false,
             "--disable-external-lib-logs" => args.no_file = true,
             "--log-file-name" => args.file_name = Some(value()?).filter(|name| !name.is_empty()),
-            // Security enclaves and configured back ends of rcl's logging have no counterpart here; launch files that
-            // name them must still work.
-            "-e" | "--enclave" | "--log-config-file" => drop(value()?),
+            "-e" | "--enclave" => args.enclave = Some(enclave(value()?)?),
+            // A configured back end of rcl's logging has no counterpart here; launch files that name one must still work.
+            "--log-config-file" => drop(value()?),
             _ => {
                 let why = "unknown ROS argument; see --help".to_owned();
                 return Err(Fault::Argument { argument: flag, why });
@@ -128,6 +130,15 @@ fn parse_ros(words: Vec<String>) -> Result<Args, Fault> {
 fn assignment(text: String) -> Result<Source, Fault> {
     Overrides::default().assign(&text)?;
     Ok(Source::Assignment(text))
+}
+
+/// An enclave is named as a namespace is, and as by rcl a name that breaks its rules is refused.
+fn enclave(name: String) -> Result<String, Fault> {
+    if is_namespace(&name) {
+        return Ok(name);
+    }
+    let why = "an enclave's name must begin with '/' and hold valid names between its slashes".to_owned();
+    Err(Fault::Argument { argument: format!("--enclave {name}"), why })
 }
 
 fn level(text: &str) -> Result<(Option<String>, LevelFilter), Fault> {
@@ -171,6 +182,7 @@ mod tests {
         let of = |text: &str| Source::Assignment(text.to_owned());
         let want = [of("n:x:=1"), Source::File("f.yaml".into()), of("y:=true")];
         assert_eq!(got.parameters, want);
+        assert_eq!(got.enclave.as_deref(), Some("/e"));
         assert!(fault("node --ros-args -- -r a:=b").contains("-r"), "outside the block");
     }
 
@@ -197,6 +209,8 @@ mod tests {
             ("node --ros-args --remap", "'--remap': it needs a value"),
             ("node --ros-args --frobnicate", "'--frobnicate': unknown ROS argument"),
             ("node --ros-args -r nonsense", "'nonsense'"),
+            ("node --ros-args --enclave e", "'--enclave e': an enclave's name must begin with '/'"),
+            ("node --ros-args -e /a//b", "'--enclave /a//b'"),
             ("node --ros-args -p x", "'x' is no parameter assignment"),
             ("node --ros-args --log-level loud", "debug, info, warn, error or fatal"),
             ("node stray", "unexpected argument 'stray'"),

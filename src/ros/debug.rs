@@ -9,11 +9,12 @@ use image::codecs::jpeg::JpegEncoder;
 use image::imageops::thumbnail;
 use image::{ImageError, RgbImage};
 use log::warn;
-use ros2_client::{Node, Publisher};
+use ros2_client::Publisher;
 
 use super::convert::Received;
 use super::endpoints::Endpoints;
 use super::fault::Fault;
+use super::graph::Watched;
 use super::messages::{CompressedImage, Header, Image};
 use crate::draw::{self, Scene};
 use crate::frame::Levels;
@@ -56,7 +57,6 @@ struct Shared {
     changed: Condvar,
     image: View,
     response: View,
-    node: Arc<Node>,
 }
 
 impl Shared {
@@ -67,8 +67,8 @@ impl Shared {
 
 /// A picture and its two topics.
 pub struct View {
-    raw: Publisher<Image>,
-    compressed: Publisher<CompressedImage>,
+    raw: (Publisher<Image>, Watched),
+    compressed: (Publisher<CompressedImage>, Watched),
 }
 
 impl View {
@@ -81,19 +81,13 @@ impl View {
     }
 
     /// Whether somebody subscribes to the raw and to the compressed topic.
-    fn wanted(&self, node: &Node) -> [bool; 2] {
-        [self.raw.get_subscription_count(node) > 0, self.compressed.get_subscription_count(node) > 0]
+    fn wanted(&self) -> [bool; 2] {
+        [self.raw.1.get(), self.compressed.1.get()]
     }
 
     /// Draws by `draw`, which takes the largest side of the picture, and publishes where somebody looks.
-    fn publish(
-        &self,
-        node: &Node,
-        draw: impl FnOnce(u32) -> RgbImage,
-        header: &Header,
-        debug: &Debug,
-    ) -> Result<(), String> {
-        let [raw, compressed] = self.wanted(node);
+    fn publish(&self, draw: impl FnOnce(u32) -> RgbImage, header: &Header, debug: &Debug) -> Result<(), String> {
+        let [raw, compressed] = self.wanted();
         if !raw && !compressed {
             return Ok(());
         }
@@ -102,12 +96,12 @@ impl View {
         let picture = draw(side);
         if raw {
             let message = raw_image(&scaled(&picture, debug.max_side as u32), header);
-            self.raw.publish(message).map_err(|e| e.to_string())?;
+            self.raw.0.publish(message).map_err(|e| e.to_string())?;
         }
         if compressed {
             let picture = scaled(&picture, debug.compressed_max_side as u32);
             let message = jpeg(&picture, header, debug.jpeg_quality as u8).map_err(|e| e.to_string())?;
-            self.compressed.publish(message).map_err(|e| e.to_string())?;
+            self.compressed.0.publish(message).map_err(|e| e.to_string())?;
         }
         Ok(())
     }
@@ -119,15 +113,15 @@ pub struct Feed(Arc<Shared>);
 
 impl Feed {
     /// A feed for the two pictures.
-    pub fn new(node: Arc<Node>, image: View, response: View) -> Self {
+    pub fn new(image: View, response: View) -> Self {
         let queue = Queue { scenes: vec![Scene::default(); SCENES], ..Queue::default() };
-        Self(Arc::new(Shared { queue: Mutex::new(queue), changed: Condvar::new(), image, response, node }))
+        Self(Arc::new(Shared { queue: Mutex::new(queue), changed: Condvar::new(), image, response }))
     }
 
     /// A scene to record the next frame in, if somebody looks and the thread keeps up.
     pub fn scene(&self) -> Option<Scene> {
-        let Shared { image, response, node, .. } = &*self.0;
-        let looked_at = [image, response].into_iter().any(|view| view.wanted(node) != [false; 2]);
+        let Shared { image, response, .. } = &*self.0;
+        let looked_at = [image, response].into_iter().any(|view| view.wanted() != [false; 2]);
         looked_at.then(|| self.0.lock().scenes.pop()).flatten().map(|mut scene| {
             scene.clear();
             scene
@@ -168,11 +162,11 @@ impl Feed {
     }
 
     fn draw(&self, job: &Job) -> Result<(), String> {
-        let Shared { image, response, node, .. } = &*self.0;
+        let Shared { image, response, .. } = &*self.0;
         let Job { output, scene, debug, .. } = job;
         let (frame, header) = (job.frame.frame().with_levels(job.levels), job.frame.header());
-        image.publish(node, |side| draw::annotated(&frame, output, scene, side), header, debug)?;
-        response.publish(node, |side| draw::response(&frame, scene, side), header, debug)
+        image.publish(|side| draw::annotated(&frame, output, scene, side), header, debug)?;
+        response.publish(|side| draw::response(&frame, scene, side), header, debug)
     }
 }
 

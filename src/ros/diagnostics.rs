@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use futures::StreamExt;
 use log::warn;
-use ros2_client::builtin_interfaces::Time as Clock;
 use ros2_client::{Name, Publisher};
 
+use super::clock;
 use super::endpoints::Endpoints;
 use super::env::{buffer_warning, receive_buffer_limit};
 use super::fault::Fault;
@@ -83,7 +83,7 @@ impl Diagnostics {
                 network(receive_buffer_limit(), buffer_warning()),
             ];
             let status = status.into_iter().map(|part| part.of(&self.node)).collect();
-            let header = Header { stamp: Time::from_nanos(Clock::now().to_nanos()), frame_id: String::new() };
+            let header = Header { stamp: Time::from_nanos(clock::now().to_nanos()), frame_id: String::new() };
             if let Err(why) = self.publisher.publish(DiagnosticArray { header, status }) {
                 warn!("diagnostics not published: {why}");
             }

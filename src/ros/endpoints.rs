@@ -8,6 +8,7 @@ use ros2_client::{
 use rustdds::{QosPolicies, TopicKind, policy};
 
 use super::fault::Fault;
+use super::graph::Watched;
 use super::image_qos::ImageQos;
 use super::messages::Topic;
 use super::names::Names;
@@ -27,6 +28,8 @@ pub struct Endpoints {
     pub node: Node,
     /// The rules for names.
     pub names: Names,
+    /// The topics that are made only while somebody subscribes.
+    pub watched: Vec<Watched>,
     dds_name: NodeName,
 }
 
@@ -39,7 +42,7 @@ impl Endpoints {
         let dds_name = NodeName::new(&own.namespace, &own.name).map_err(|e| failed(e.to_string()))?;
         let options = NodeOptions::new().start_parameter_services(false);
         let node = context.new_node(dds_name.clone(), options).map_err(|e| failed(e.to_string()))?;
-        Ok(Self { context, node, names, dds_name })
+        Ok(Self { context, node, names, watched: Vec::new(), dds_name })
     }
 
     /// Reads images.
@@ -72,7 +75,7 @@ impl Endpoints {
 
     /// Writes pictures to whoever looks, reliably to those who ask for it. As few are kept for them as can be, so that
     /// one that is stuck neither blocks the writer nor lets memory grow.
-    pub fn image_publisher<M: Topic>(&mut self, name: &str) -> Result<Publisher<M>, Fault> {
+    pub fn image_publisher<M: Topic>(&mut self, name: &str) -> Result<(Publisher<M>, Watched), Fault> {
         let limits =
             policy::ResourceLimits { max_samples: PICTURES, max_instances: 1, max_samples_per_instance: PICTURES };
         let qos = QosPolicies::builder()
@@ -83,7 +86,10 @@ impl Endpoints {
             .build();
         let name = self.names.topic(name)?;
         let topic = self.dds_topic::<M>(&name, &qos)?;
-        self.node.create_publisher(&topic, None).map_err(|e| Fault::system(format!("publish on {name}"), e))
+        let watched = Watched::new(&topic);
+        self.watched.push(watched.clone());
+        let publisher = self.node.create_publisher(&topic, None);
+        Ok((publisher.map_err(|e| Fault::system(format!("publish on {name}"), e))?, watched))
     }
 
     fn writer<M: Topic>(&mut self, name: &str, qos: QosProfile) -> Result<Publisher<M>, Fault> {

@@ -3,16 +3,16 @@
 use std::fs::File;
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{OnceLock, RwLock};
+use std::sync::{LazyLock, Mutex, OnceLock, PoisonError, RwLock};
 use std::time::{Duration, Instant, SystemTime};
 
 use env_logger::{Target, WriteStyle};
 use log::{Level, LevelFilter, Log, Metadata, Record, warn};
 use ros2_client::ros2::LogLevel;
-use ros2_client::{NodeLoggingHandle, RosoutRaw, builtin_interfaces};
+use ros2_client::{NodeLoggingHandle, RosoutRaw};
 
 use super::args::Args;
-use super::log_file;
+use super::{clock, log_file};
 use crate::params::NodeName;
 
 /// The module path of our own lines.
@@ -37,6 +37,8 @@ static LOGGER: OnceLock<Logger> = OnceLock::new();
 /// Whether the node is being taken down, when other crates complain of what is gone already.
 static ENDING: AtomicBool = AtomicBool::new(false);
 static ROSOUT: RwLock<Option<NodeLoggingHandle>> = RwLock::new(None);
+/// When each line of other crates was last written, by where it stands.
+static FOREIGN: LazyLock<Mutex<Throttle<(String, Option<u32>)>>> = LazyLock::new(Mutex::default);
 
 /// Starts logging. Only the first call in a process has an effect.
 pub fn start(args: &Args, node: &NodeName) {
@@ -116,7 +118,7 @@ impl Log for Logger {
 
     fn log(&self, record: &Record) {
         let foreign = !is_ours(record.target());
-        if !self.filter.matches(record) || foreign && ENDING.load(Ordering::Relaxed) {
+        if !self.filter.matches(record) || foreign && (ENDING.load(Ordering::Relaxed) || is_held_back(record)) {
             return;
         }
         for writer in [&self.terminal, &self.file].into_iter().flatten() {
@@ -129,7 +131,7 @@ impl Log for Logger {
             && let Some(handle) = handle.as_ref()
         {
             handle.rosout_raw(
-                builtin_interfaces::Time::now(),
+                clock::now(),
                 ros_level(record.level()),
                 &self.name,
                 &record.args().to_string(),
@@ -141,6 +143,14 @@ impl Log for Logger {
     }
 
     fn flush(&self) {}
+}
+
+/// Whether a complaint of another crate comes too soon after the last from that place. A peer can cause some of them with
+/// every datagram.
+fn is_held_back(record: &Record) -> bool {
+    let place = (record.target().to_owned(), record.line());
+    let mut throttle = FOREIGN.lock().unwrap_or_else(PoisonError::into_inner);
+    record.level() <= Level::Warn && throttle.pass(place, Instant::now()).is_none()
 }
 
 fn is_ours(target: &str) -> bool {
@@ -217,6 +227,15 @@ mod tests {
         assert_eq!(throttle.pass('a', start + PERIOD * 2 / 3), None);
         assert_eq!(throttle.pass('a', start + PERIOD), Some(2));
         assert_eq!(throttle.pass('a', start + PERIOD * 2), Some(0));
+    }
+
+    #[test]
+    fn complaints_of_other_crates_come_once_a_second_for_each_place() {
+        let record = |level, line| Record::builder().level(level).target("elsewhere").line(Some(line)).build();
+        assert!(!is_held_back(&record(Level::Error, 1)));
+        assert!(is_held_back(&record(Level::Error, 1)));
+        assert!(!is_held_back(&record(Level::Error, 2)), "another place");
+        assert!((0..3).all(|_| !is_held_back(&record(Level::Debug, 3))), "asked for, so wanted whole");
     }
 
     #[test]

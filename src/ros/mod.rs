@@ -11,7 +11,7 @@
 //! | decode | [`decoder`] | the newest image, where they are compressed; overwrites the one slot of the inbox |
 //! | worker | [`worker`] | the inbox: the newest image and commands; steps the session, publishes tracks |
 //! | debug | [`debug`] | a frame to draw, which the worker hands over only while somebody looks |
-//! | spin | [`commands`], [`parameter_services`], [`service`], [`diagnostics`] | discovery, marks, service calls, a clock |
+//! | spin | [`graph`], [`commands`], [`parameter_services`], [`service`], [`diagnostics`], [`clock`] | other nodes, marks, service calls, a clock |
 //! | supervisor | [`supervisor`] | signals, the end of any thread, a clock; looks after memory, ends a process that hangs |
 //!
 //! [`queue`] and [`budget`] say which marks the worker obeys and when, so that images win. [`history`] keeps the frames that
@@ -21,6 +21,7 @@
 
 pub mod args;
 pub mod budget;
+pub mod clock;
 pub mod commands;
 pub mod debug;
 pub mod decoder;
@@ -28,6 +29,7 @@ pub mod diagnostics;
 pub mod endpoints;
 pub mod env;
 pub mod fault;
+pub mod graph;
 pub mod history;
 pub mod image_qos;
 pub mod inbox;
@@ -45,6 +47,7 @@ pub mod receive;
 pub mod service;
 pub mod stats;
 pub mod supervisor;
+pub mod type_hash;
 pub mod waiting;
 pub mod worker;
 

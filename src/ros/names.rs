@@ -70,7 +70,7 @@ impl Names {
             let why = "a node's name must hold letters, digits and '_' only and must not begin with a digit";
             return Err(Fault::Name { name, why: why.to_owned() });
         }
-        if namespace != "/" && !namespace.strip_prefix('/').is_some_and(|ns| ns.split('/').all(is_token)) {
+        if !is_namespace(&namespace) {
             let why = "a namespace must begin with '/' and hold valid names between its slashes";
             return Err(Fault::Name { name: namespace, why: why.to_owned() });
         }
@@ -145,6 +145,11 @@ fn check(name: &str) -> Result<(), String> {
             None => Ok(()),
         },
     }
+}
+
+/// Whether the text is an absolute namespace.
+pub fn is_namespace(text: &str) -> bool {
+    text == "/" || text.strip_prefix('/').is_some_and(|ns| ns.split('/').all(is_token))
 }
 
 fn is_token(text: &str) -> bool {

@@ -1,6 +1,6 @@
 //! The node as a whole: puts its parts together, starts their threads, and takes it all down at a signal.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
 use log::{error, info, warn};
@@ -8,6 +8,7 @@ use ros2_client::{Name, Node};
 use smol::channel::{Receiver, Sender, bounded};
 
 use super::args::Args;
+use super::clock::SimTime;
 use super::commands::Commands;
 use super::debug::{Feed, View};
 use super::decoder::{Decoder, Slot};
@@ -15,6 +16,7 @@ use super::diagnostics::Diagnostics;
 use super::endpoints::Endpoints;
 use super::env::{self, Environment};
 use super::fault::Fault;
+use super::graph::Graph;
 use super::inbox::Inbox;
 use super::intake::Intake;
 use super::logging;
@@ -33,7 +35,10 @@ use crate::session::Session;
 pub fn run(args: Args) -> Result<(), Fault> {
     let names = Names::new(NodeName::default(), args.rules.clone())?;
     logging::start(&args, names.node());
-    let environment = Environment::read()?;
+    let environment = Environment::read(args.enclave.as_deref())?;
+    for line in &environment.warnings {
+        warn!("{line}");
+    }
     let image_topic = names.topic("image")?;
     let settings = Settings::new(&image_topic.to_string()).load(&args.parameters, names.node())?;
     // It is there before anything that may hang or grow, so that a signal always ends the node.
@@ -65,7 +70,7 @@ struct Threads {
     inbox: Arc<Inbox>,
     feed: Feed,
     stats: Arc<Stats>,
-    node: Arc<Node>,
+    node: Arc<Mutex<Node>>,
     /// Dropped to end what waits for the network.
     open: Sender<()>,
 }
@@ -105,21 +110,21 @@ impl Threads {
         let detections = endpoints.publisher("~/detections")?;
         let views = (View::new(&mut endpoints, "~/debug/image")?, View::new(&mut endpoints, "~/debug/response")?);
         let commands = Commands::new(&mut endpoints, inbox.clone())?;
-        let parameters = ParameterServices::new(&mut endpoints, store, inbox.clone())?;
+        let parameters = ParameterServices::new(&mut endpoints, store.clone(), inbox.clone())?;
         let diagnostics = Diagnostics::new(&mut endpoints, topic, stats.clone())?;
-        let spinner = endpoints.node.spinner().map_err(|e| Fault::system("spin the node", e))?;
-        let node = Arc::new(endpoints.node);
-        logging::to_rosout(node.logging_handle());
-        let feed = Feed::new(node.clone(), views.0, views.1);
+        let graph = Graph::new(&mut endpoints)?;
+        logging::to_rosout(endpoints.node.logging_handle());
+        let node = Arc::new(Mutex::new(endpoints.node));
+        let sim_time = SimTime { node: node.clone(), store };
+        let feed = Feed::new(views.0, views.1);
         let worker =
             Worker { inbox: inbox.clone(), session, tracks, detections, debug: feed.clone(), stats: stats.clone() };
         let spin = move || {
-            let discovery = async {
-                if let Err(why) = spinner.spin().await {
-                    error!("discovery ended: {why}");
-                }
-            };
-            let mut parts = vec![Part::new("discovery", discovery), Part::new("diagnostics", diagnostics.serve())];
+            let mut parts = vec![
+                Part::new("discovery", graph.watch()),
+                Part::new("the clock", sim_time.follow()),
+                Part::new("diagnostics", diagnostics.serve()),
+            ];
             parts.extend(commands.parts());
             parts.extend(parameters.parts());
             let ended = async { Some(format!("{} came to an end", first_to_end(parts).await)) };

@@ -76,7 +76,8 @@ impl Settings {
         let choice = |policy, choices: &'static [&'static str], description| {
             fixed(policy, description, choices, None, Value::String(choices[0].to_owned()))
         };
-        let sim_time = "Accepted as every node does; this node takes its time from the stamps of images.";
+        let sim_time =
+            "Whether /diagnostics and /rosout bear the time of /clock; tracking goes by the stamps of images.";
         let depth = "How many images are kept until they are read; only the newest is tracked.";
         let own = vec![
             NodeParameter {
@@ -117,6 +118,11 @@ impl Settings {
             keep_all: other(ImageQos::HISTORY, ImageQos::HISTORIES),
             depth,
         }
+    }
+
+    /// Whether time comes from a simulator.
+    pub fn use_sim_time(&self) -> bool {
+        self.own(USE_SIM_TIME).is_some_and(|p| p.value == Value::Bool(true))
     }
 
     /// All names, sorted.

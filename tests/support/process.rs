@@ -57,9 +57,13 @@ pub struct Node {
 impl Node {
     /// Starts the node with its arguments.
     pub fn start(domain: u32, args: &[&str]) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_tracker_node"));
+        Self::started(&mut Command::new(env!("CARGO_BIN_EXE_tracker_node")), domain, args)
+    }
+
+    /// Starts it by a command, in whose environment more may be set.
+    pub fn started(command: &mut Command, domain: u32, args: &[&str]) -> Self {
         command.env_remove("RUST_LOG").env_remove("ROS_LOCALHOST_ONLY");
-        let child = isolated(&mut command, domain).args(args).stderr(Stdio::piped()).spawn();
+        let child = isolated(command, domain).args(args).stderr(Stdio::piped()).spawn();
         let mut child = child.expect("the node started");
         let lines = Arc::new(Lines::default());
         let stderr = BufReader::new(child.stderr.take().expect("standard error is piped"));
