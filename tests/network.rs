@@ -44,6 +44,7 @@ fn two_layers() -> Vec<Convolution> {
 fn settings(file: Option<&Path>, outputs: &[&str]) -> Settings {
     Settings {
         file: file.map(Path::to_owned),
+        most: u64::MAX,
         side: SIDE,
         mean: [127.0, 100.0, 90.0],
         scale: [128.0, 64.0, 32.0],
@@ -286,8 +287,8 @@ fn a_network_that_was_loaded_beside_is_taken_over_without_loading_it_again() {
     let mut session = Session::new(first.clone()).unwrap();
     let rect = Rect::new(60.0, 40.0, 30.0, 40.0);
     session.start(&frame, rect, &mut ()).unwrap();
+    let networks = session.networks();
     std::thread::scope(|scope| {
-        let networks = session.networks();
         scope.spawn(|| tracker::check(&networks, &first, &then).unwrap()).join().unwrap();
     });
     std::fs::remove_file(&path).unwrap();

@@ -34,6 +34,7 @@ const BACK_ENDS: [Inference; 2] = [Inference::Builtin, Inference::OnnxRuntime];
 fn settings(file: Option<&Path>, side: usize, outputs: &[&str], inference: Inference) -> Settings {
     Settings {
         file: file.map(Path::to_owned),
+        most: u64::MAX,
         side,
         mean: [127.0; 3],
         scale: [128.0; 3],

@@ -6,9 +6,9 @@ mod support;
 
 use std::io::Write as _;
 use std::process::Command;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use support::{Node, Peer, domain, scenario};
+use support::{Node, Peer, domain, scenario, slowness};
 
 #[test]
 fn a_target_is_marked_followed_stopped_and_taken_up_again() {
@@ -81,17 +81,17 @@ fn the_node_and_the_offline_command_give_the_same_boxes() {
 
 #[test]
 fn a_recording_played_to_the_node_gives_the_boxes_of_the_offline_command() {
-    for hurried in ["0", "12"] {
+    for hurried in [0, 12] {
         let folder = tempfile::tempdir().expect("a folder");
         let path = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_owned();
         let domain = domain();
         let node = Node::start(domain, &[]);
-        Peer::start(domain, "replay", &[&path(""), hurried]).succeed(&node);
+        Peer::start(domain, "replay", &[&path(""), &hurried.to_string()]).succeed(&node);
         let said = std::fs::read_to_string(path("node.txt")).expect("what the node said");
         let said: Vec<[f64; 6]> = said.lines().map(|line| numbers(line.split(' '))).collect();
         let said: Vec<(usize, [f64; 5])> = said.iter().map(|&[n, ref x @ ..]| (n as usize, *x)).collect();
-        // A busy machine may make it skip most of them.
-        assert!(said.len() > 20, "of 90 images the node looked at {}", said.len());
+        // Those that are not hurried are waited for; one or two may be lost on the way.
+        assert!(said.len() + hurried + 2 >= 90, "of 90 images the node looked at {}", said.len());
 
         // On what both saw they agree, whatever was skipped.
         let init = corner(&said[0].1);
@@ -166,16 +166,22 @@ fn names_and_parameters_are_what_the_arguments_say() {
     assert!(log.contains("[DEBUG]"), "{log}");
 }
 
+/// On an idle machine; on another it is asked for in one of three trials.
 #[test]
 fn signals_end_the_node_within_a_second() {
-    for signal in ["INT", "TERM"] {
+    let seconds = |signal| {
         let node = Node::start(domain(), &[]);
         node.wait_for("waits for images");
         let sent = Instant::now();
         node.signal(signal);
         let (code, log) = node.finish();
-        assert!(sent.elapsed() < Duration::from_secs(1), "{:?}", sent.elapsed());
+        let took = sent.elapsed().as_secs_f64();
         assert_eq!(code, Some(0), "{log}");
+        took / slowness()
+    };
+    for signal in ["INT", "TERM"] {
+        let least = (0..3).map(|_| seconds(signal)).fold(f64::INFINITY, f64::min);
+        assert!(least < 1.0, "{signal}: {least} s");
     }
 }
 

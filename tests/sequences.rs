@@ -1,6 +1,9 @@
 //! The offline command on real video: benchmark sequences in the folder that `SEQUENCES_DIR` names. Where it is not
 //! set the tests say so and pass, for the video may not be shipped.
+//!
+//! They say it on the standard error itself: what tests print is shown of those that fail only.
 
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -17,17 +20,25 @@ use long_term_tracker::{Encoding, Frame, Rect};
 /// A row of the CSV: the box and the state.
 type Row = (Rect, String);
 
+/// The folder of the sequence; `None`, and a line, where there is no video.
+fn sequence(name: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("SEQUENCES_DIR");
+    if root.is_none() {
+        let test = std::thread::current();
+        let test = test.name().unwrap_or_default();
+        // Whether it can be told is not what is tested.
+        let _ = writeln!(std::io::stderr(), "{test} ({name}): skipped: no SEQUENCES_DIR");
+    }
+    Some(PathBuf::from(root?).join(name))
+}
+
 /// What `track` says of a sequence, and the truth; `None` where there is no video.
 fn track(name: &str) -> Option<(Vec<Row>, Vec<Option<Rect>>)> {
     track_with(name, &[])
 }
 
 fn track_with(name: &str, args: &[&str]) -> Option<(Vec<Row>, Vec<Option<Rect>>)> {
-    let Some(root) = std::env::var_os("SEQUENCES_DIR") else {
-        eprintln!("SEQUENCES_DIR is not set: nothing was tested on {name}");
-        return None;
-    };
-    let folder = PathBuf::from(root).join(name);
+    let folder = sequence(name)?;
     let output = Command::new(env!("CARGO_BIN_EXE_track")).arg(&folder).args(args).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let csv = String::from_utf8(output.stdout).unwrap();
@@ -87,11 +98,8 @@ fn etepf_is_as_near_to_the_girl_as_its_paper_and_finds_her_again() {
 #[test]
 fn the_motion_of_a_camera_is_recovered_before_a_crowd() {
     const INSET: f64 = 60.0;
-    let Some(root) = std::env::var_os("SEQUENCES_DIR") else {
-        eprintln!("SEQUENCES_DIR is not set: nothing was tested of a camera's motion");
-        return;
-    };
-    let mut source = Folder::open(&PathBuf::from(root).join("_frames/PETS09-S2L1"), &Default::default()).unwrap();
+    let Some(folder) = sequence("_frames/PETS09-S2L1") else { return };
+    let mut source = Folder::open(&folder, &Default::default()).unwrap();
     let (mut cropper, mut stabiliser) = (Cropper::default(), Stabiliser::default());
     let (mut whole, mut moved, mut covered) = (Patch::default(), Patch::default(), Vec::new());
     for frame in 0..300 {

@@ -1,5 +1,5 @@
 //! The node over a long time, with its default parameters, and with as many pixels as cameras commonly send:
-//! `SOAK_FRAMES=10000 SOAK_SECONDS=60 cargo test --release --test soak -- --nocapture`.
+//! `SOAK_FRAMES=10000 SOAK_FULL_HD=2000 cargo test --release --test soak -- --nocapture`.
 
 #![cfg(feature = "ros")]
 
@@ -10,39 +10,67 @@ use std::time::Duration;
 
 use support::{Node, Peer, domain};
 
-/// Without `SOAK_FRAMES`.
-const FRAMES: u64 = 600;
-/// Without `SOAK_SECONDS`.
-const SECONDS: u64 = 5;
-/// Of the images that are sent at 1920 x 1080 and 30 Hz, at most so many are lost on the way, best effort as they are.
+/// Without `SOAK_FRAMES`, and without `SOAK_FULL_HD`.
+const FRAMES: u32 = 600;
+const FULL_HD: u32 = 150;
+/// Seconds of an idle machine within which the first track comes after the first image, in one of so many trials: the
+/// machine may be busier for a while than it is found to be.
+const AT_ONCE: f64 = 1.0;
+const TRIALS: usize = 3;
+/// Of the images that are sent at 1920 x 1080, each when the last is answered, at most so many are lost on the way, best
+/// effort as they are.
 const LOST: f64 = 0.005;
 /// So many more may be: one that is lost in a few seconds, when the machine does something else, is no rate.
 const LOST_BY_CHANCE: f64 = 2.0;
-/// Far more than a frame takes.
-const PER_FRAME: Duration = Duration::from_millis(200);
+/// Far more than a frame takes, and than it takes to begin.
+const PER_FRAME: Duration = Duration::from_secs(1);
+const BEGIN: Duration = Duration::from_secs(300);
 
 /// Who measures holds this, for two nodes at once would take each other's time.
 static MACHINE: Mutex<()> = Mutex::new(());
 
+/// The number that the variable holds.
+fn number(variable: &str, otherwise: u32) -> u32 {
+    std::env::var(variable).map_or(otherwise, |n| n.parse().unwrap_or_else(|_| panic!("{variable} is a number")))
+}
+
 #[test]
-fn memory_stays_as_it_is_and_the_first_track_comes_at_once() {
+fn the_first_track_comes_at_once() {
     let _alone = MACHINE.lock().unwrap_or_else(PoisonError::into_inner);
-    let frames = std::env::var("SOAK_FRAMES").map_or(FRAMES, |n| n.parse().expect("SOAK_FRAMES is a number"));
+    let times = tempfile::NamedTempFile::new().expect("a file");
+    let path = times.path().to_str().expect("a path of text");
+    let took = || -> f64 {
+        let domain = domain();
+        let node = Node::start(domain, &[]);
+        Peer::start(domain, "first_track", &[path]).succeed(&node);
+        node.end();
+        let told = std::fs::read_to_string(path).expect("what the peer wrote");
+        told.lines().last().expect("a line").parse().expect("seconds")
+    };
+    let took: Vec<f64> = (0..TRIALS).map(|_| took()).collect();
+    println!("first track after {took:.2?} s");
+    assert!(took.iter().any(|&seconds| seconds < AT_ONCE), "{took:?}");
+}
+
+#[test]
+fn memory_stays_as_it_is() {
+    let _alone = MACHINE.lock().unwrap_or_else(PoisonError::into_inner);
+    let frames = number("SOAK_FRAMES", FRAMES);
     let domain = domain();
     let node = Node::start(domain, &[]);
     let peer = Peer::start(domain, "endurance", &[&node.id().to_string(), &frames.to_string()]);
-    peer.succeed_within(Duration::from_secs(60) + PER_FRAME * u32::try_from(frames).expect("fewer frames"), &node);
+    peer.succeed_within(BEGIN + PER_FRAME * frames, &node);
     node.end();
 }
 
 #[test]
-fn full_hd_at_30_hz_is_received_in_constant_memory() {
+fn full_hd_is_received_in_constant_memory() {
     let _alone = MACHINE.lock().unwrap_or_else(PoisonError::into_inner);
-    let seconds = std::env::var("SOAK_SECONDS").map_or(SECONDS, |n| n.parse().expect("SOAK_SECONDS is a number"));
+    let frames = number("SOAK_FULL_HD", FULL_HD);
     let domain = domain();
     let node = Node::start(domain, &[]);
-    let peer = Peer::start(domain, "full_hd", &[&node.id().to_string(), &seconds.to_string()]);
-    peer.succeed_within(Duration::from_secs(60 + 2 * seconds), &node);
+    let peer = Peer::start(domain, "full_hd", &[&node.id().to_string(), &frames.to_string(), "0"]);
+    peer.succeed_within(BEGIN + PER_FRAME * frames, &node);
     let log = node.end();
     let counts = log.lines().find(|line| line.contains("images: ")).expect("the node's counts");
     println!("{counts}");
@@ -51,6 +79,6 @@ fn full_hd_at_30_hz_is_received_in_constant_memory() {
         word.parse().unwrap_or_else(|e| panic!("'{word}' before '{unit}': {e}"))
     };
     let [received, missed] = [" received", " missed"].map(number);
-    let sent = (received + missed).max(30.0 * seconds as f64);
+    let sent = (received + missed).max(frames.into());
     assert!(sent - received <= LOST * sent + LOST_BY_CHANCE, "{counts}");
 }

@@ -18,13 +18,15 @@ use smol::Timer;
 use smol::future::or;
 
 /// How long the node may take to appear.
-const APPEAR: Duration = Duration::from_secs(20);
+const APPEAR: Duration = Duration::from_secs(60);
 /// How long an answer is waited for.
 const ANSWER: Duration = Duration::from_secs(1);
+/// The same where to say it twice would matter: a second mark begins anew.
+const CERTAIN: Duration = Duration::from_secs(5);
 /// How often the state is told.
 const SECOND: Duration = Duration::from_secs(1);
 /// How often something is said that has no answer.
-const TRIES: usize = 10;
+const TRIES: usize = 30;
 
 /// What the node said of the clip.
 pub struct Run {
@@ -36,8 +38,16 @@ pub struct Run {
     pub seconds: f64,
 }
 
+/// How fast frames are shown.
+pub struct Pace {
+    /// At most so many a second.
+    pub rate: f64,
+    /// Each only once the last is answered.
+    pub in_step: bool,
+}
+
 /// Plays the frames to the node in the domain and marks `mark` in the first of them.
-pub fn play(frames: &[RgbImage], mark: Rect, rate: f64, domain: u16) -> Result<Run, Box<dyn Error>> {
+pub fn play(frames: &[RgbImage], mark: Rect, pace: Pace, domain: u16) -> Result<Run, Box<dyn Error>> {
     let shrink = if env::buffer_warning().is_some() { 2 } else { 1 };
     if shrink > 1 {
         println!("the kernel's receive buffers are small: frames are published at half their size");
@@ -54,7 +64,8 @@ pub fn play(frames: &[RgbImage], mark: Rect, rate: f64, domain: u16) -> Result<R
         tracks: endpoints.subscription("~/tracks")?,
         shrink,
         start: SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?,
-        period: Duration::from_secs_f64(1.0 / rate),
+        period: Duration::from_secs_f64(1.0 / pace.rate),
+        in_step: pace.in_step,
         published: vec![None; frames.len()],
         run: Run { tracks: vec![None; frames.len()], latencies: Vec::new(), seconds: 0.0 },
     };
@@ -89,6 +100,7 @@ struct Link {
     /// Stamp of the first frame, since the epoch.
     start: Duration,
     period: Duration,
+    in_step: bool,
     published: Vec<Option<Instant>>,
     run: Run,
 }
@@ -107,7 +119,7 @@ impl Link {
         for _ in 0..TRIES {
             self.marks.publish(RegionOfInterest { x_offset, y_offset, height, width, do_rectify: false })?;
             let followed = async { while self.next_answer().await.is_none_or(|(_, track)| track.is_none()) {} };
-            if within(ANSWER, followed).await.is_some() {
+            if within(CERTAIN, followed).await.is_some() {
                 println!("marked {mark} in the first frame");
                 return Ok(());
             }
@@ -124,6 +136,9 @@ impl Link {
             let due = begin + self.period * index as u32;
             while within(due.saturating_duration_since(Instant::now()), self.next_answer()).await.is_some() {}
             self.show(index, frame)?;
+            if self.in_step {
+                self.answered(index, frame).await?;
+            }
             if told.elapsed() >= SECOND {
                 told = Instant::now();
                 println!("{}", self.line(index));
@@ -133,6 +148,22 @@ impl Link {
         println!("{}", self.line(last));
         self.run.seconds = begin.elapsed().as_secs_f64();
         Ok(())
+    }
+
+    /// Waits until something is said of the frame, which is shown again where it was lost on the way.
+    async fn answered(&mut self, index: usize, frame: &RgbImage) -> Result<(), Box<dyn Error>> {
+        for _ in 0..TRIES {
+            let answered = async {
+                while self.run.tracks[index].is_none() {
+                    self.next_answer().await;
+                }
+            };
+            if within(CERTAIN, answered).await.is_some() {
+                return Ok(());
+            }
+            self.show(index, frame)?;
+        }
+        Err(format!("frame {index} is not answered").into())
     }
 
     /// Publishes a frame as a camera driver does.

@@ -5,6 +5,8 @@
 //! messages, matched with the frames by their stamps.
 
 mod clip;
+#[path = "../../tests/support/domain.rs"]
+mod domain;
 mod link;
 mod report;
 
@@ -15,11 +17,13 @@ use std::process::{Child, Command, ExitCode};
 use std::time::{Duration, Instant};
 
 use clap::Parser;
+use domain::Domain;
+use link::Pace;
 
 /// The first argument of the process that is the node.
 const NODE: &str = "run-node";
 /// How long the node may take to leave.
-const GRACE: Duration = Duration::from_secs(5);
+const GRACE: Duration = Duration::from_secs(20);
 
 /// Plays a clip to the node over ROS 2, marks a person, and shows how she is followed.
 #[derive(Parser)]
@@ -30,9 +34,12 @@ struct Options {
     /// Frames a second.
     #[arg(long, default_value_t = clip::RATE, value_parser = rate)]
     rate: f64,
-    /// ROS domain, on this machine only.
-    #[arg(long, default_value_t = 101)]
-    domain: u16,
+    /// Waits with each frame until the last is answered, so that none is skipped on a slow machine.
+    #[arg(long)]
+    in_step: bool,
+    /// ROS domain, on this machine only; one that nobody uses unless it is given.
+    #[arg(long)]
+    domain: Option<u16>,
 }
 
 fn rate(text: &str) -> Result<f64, String> {
@@ -60,8 +67,19 @@ fn show(options: &Options) -> Result<(), Box<dyn Error>> {
     let marks = clip::marks();
     let mark = marks.first().and_then(|m| m.rect).ok_or("the first frame is not marked")?;
 
-    let node = Node::start(options.domain)?;
-    let run = link::play(&frames, mark, options.rate, options.domain)?;
+    // Held until the end.
+    let own;
+    let domain = match options.domain {
+        Some(domain) => domain,
+        None => {
+            own = Domain::take();
+            own.number
+        }
+    };
+    println!("ROS domain {domain}, on this machine only");
+    let node = Node::start(domain)?;
+    let pace = Pace { rate: options.rate, in_step: options.in_step };
+    let run = link::play(&frames, mark, pace, domain)?;
     node.stop()?;
 
     let sheet = report::draw(&frames, &run.tracks, &options.output)?;

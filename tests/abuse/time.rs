@@ -87,7 +87,7 @@ impl Clip {
 
     fn frame(&self, i: usize, stamp: Option<i64>) -> FrameBuffer {
         match &self.pictures[i] {
-            Picture::File(bytes) => decode(bytes, stamp).unwrap(),
+            Picture::File(bytes) => decode(bytes, stamp, u64::MAX).unwrap(),
             Picture::Pixels(data) => FrameBuffer::new(data.clone(), 640, 240, 1920, Encoding::Rgb8, stamp).unwrap(),
         }
     }

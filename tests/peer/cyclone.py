@@ -16,7 +16,8 @@ from cyclonedds.util import duration
 from scene import HEIGHT, WIDTH, Scene, box_of, iou
 from script import run
 
-DEADLINE = 20.0
+# Seconds until something that must happen has to have happened, and after which an image is likely to have been lost.
+DEADLINE, AGAIN = 120.0, 5.0
 # On loopback only, where participants are looked for one by one as well, for it may not do multicast.
 CONFIGURATION = """<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo" multicast="true"/></Interfaces>
 </General><Discovery><Peers><Peer address="127.0.0.1"/></Peers><ParticipantIndex>auto</ParticipantIndex></Discovery>
@@ -159,12 +160,18 @@ class Detection2DArray(IdlStruct, typename="vision_msgs::msg::dds_::Detection2DA
     detections: sequence[Detection2D]
 
 
+def wait(condition, seconds):
+    """Waits until the condition gives something, or for so long; gives what it gave."""
+    end = time.monotonic() + seconds
+    while not (result := condition()) and time.monotonic() < end:
+        time.sleep(0.002)
+    return result
+
+
 def until(condition, what):
     """Waits until the condition gives something, and gives that."""
-    end = time.monotonic() + DEADLINE
-    while not (result := condition()):
-        assert time.monotonic() < end, f"{what}: not within {DEADLINE} s"
-        time.sleep(0.002)
+    result = wait(condition, DEADLINE)
+    assert result, f"{what}: not within {DEADLINE} s"
     return result
 
 
@@ -199,12 +206,12 @@ class Peer:
         return all(w.get_matched_subscriptions() for w in readers) and all(r.get_matched_publications() for r in writers)
 
     def send(self):
-        """Publishes the frame and waits for what is said of it."""
+        """Publishes the frame and waits for what is said of it. It is sent again where it was lost."""
         stamp = Time(1000 + self.index // 30, self.index % 30 * 33_333_333)
         pixels = self.scene.rgb(self.index).tobytes()
         image = Image(Header(stamp, "camera_optical"), HEIGHT, WIDTH, "rgb8", 0, WIDTH * 3, pixels)
-        self.images.write(image)
-        return until(lambda: next((t for t in self.tracks.take(100) if t.header.stamp == stamp), None), "tracks")
+        answer = lambda: next((t for t in self.tracks.take(100) if t.header.stamp == stamp), None)
+        return until(lambda: self.images.write(image) or wait(answer, AGAIN), "tracks")
 
     def step(self):
         self.index += 1

@@ -4,7 +4,6 @@ this package.
 Starts the node and the follower from where `ros2 run` would take them, plays the camera and checks what comes out.
 """
 
-import subprocess
 from pathlib import Path
 
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
@@ -12,7 +11,7 @@ from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import CameraInfo
 
 from peer import *  # noqa: F403
-from script import run
+from script import child, run
 
 # Of the camera, in pixels.
 FOCAL = 300.0
@@ -23,7 +22,7 @@ FOUND = 120
 def program(*arguments):
     """A program of the package."""
     path = Path(get_package_prefix("long_term_tracker"), "lib/long_term_tracker", arguments[0])
-    return subprocess.Popen([path, *arguments[1:]])
+    return child([path, *arguments[1:]])
 
 
 def as_launched(parameters):

@@ -1,6 +1,7 @@
 """The other side of the node in the tests: an rclpy process with a camera, a user and a listener.
 
-Everything is awaited with a deadline; nothing sleeps for a fixed time.
+Everything is awaited with a deadline; nothing sleeps for a fixed time. The camera sends an image once the last one is
+answered, so that nothing depends on how fast the machine is.
 """
 
 import time
@@ -16,8 +17,12 @@ from vision_msgs.msg import Detection2D, Detection2DArray
 
 from scene import *  # noqa: F403
 
-# Seconds until something that must happen has to have happened.
-DEADLINE = 20.0
+# Seconds until something that must happen has to have happened. It only ends what hangs: nothing is judged by it.
+DEADLINE = 120.0
+# Seconds without an answer after which it is likelier that an image was lost than that its answer is on the way.
+AGAIN = 5.0
+# Seconds of processor time that are spent to see how long they take.
+WORK = 0.1
 CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}
 
 
@@ -55,6 +60,15 @@ def stamp_of(message):
     return message.header.stamp.sec, message.header.stamp.nanosec
 
 
+def slowness():
+    """How many times its processor time a thread takes at present: 1 on an idle machine, about N/C where N threads want to
+    run on C processors."""
+    begun, spent = time.monotonic(), time.thread_time()
+    while time.thread_time() - spent < WORK:
+        pass
+    return max((time.monotonic() - begun) / WORK, 1.0)
+
+
 class Peer:
     """A node with all that talks to the tracker."""
 
@@ -72,6 +86,8 @@ class Peer:
         self.node.create_subscription(Detection2DArray, f"{tracker}/detections", self.detections.append, depth)
         self.scene = Scene()
         self.index = 0
+        # When the newest image was first sent; seconds from there to its answer, and the most of any image.
+        self.sent, self.took, self.longest = None, 0.0, 0.0
 
     def close(self):
         self.node.destroy_node()
@@ -79,14 +95,16 @@ class Peer:
 
     def spin_until(self, condition, what, deadline=DEADLINE):
         """Spins until the condition gives something, and gives that."""
-        end = time.monotonic() + deadline
-        while True:
-            result = condition()
-            if result:
-                return result
-            left = end - time.monotonic()
-            assert left > 0, f"{what}: not within {deadline} s"
+        result = self.spin_for(condition, deadline)
+        assert result, f"{what}: not within {deadline} s"
+        return result
+
+    def spin_for(self, condition, seconds):
+        """Spins until the condition gives something, or for so long; gives what it gave."""
+        end = time.monotonic() + seconds
+        while not (result := condition()) and (left := end - time.monotonic()) > 0:
             self.executor.spin_once(timeout_sec=min(left, 0.1))
+        return result
 
     def listed(self):
         """Full names of all nodes that are seen."""
@@ -101,24 +119,34 @@ class Peer:
         self.spin_until(
             lambda: self.images.get_subscription_count() and self.marks.get_subscription_count(), "subscriptions"
         )
-        message = stamped(self.message(self.index), self.index - 1)
-        for _ in range(100):
+        message, began = stamped(self.message(self.index), self.index - 1), time.monotonic()
+
+        def greeted():
             self.images.publish(message)
-            self.executor.spin_once(timeout_sec=0.1)
-            if self.tracks:
-                break
-        assert self.tracks, "no track message for the first images"
+            return self.tracks
+
+        self.spin_until(greeted, "a track message for the first images")
         self.send(self.message(self.index))
         self.tracks.clear()
+        self.longest = time.monotonic() - began
 
-    def send(self, message):
-        """Publishes an image and waits for its track message."""
+    def send(self, message, meanwhile=lambda: None):
+        """Publishes an image and waits for its track message, and does something else each time nothing has come yet. Best
+        effort as it is, the image may be lost: then it is sent again."""
         self.tracks.clear()
-        self.images.publish(message)
-        stamp = stamp_of(message)
-        return self.spin_until(
-            lambda: next((t for t in self.tracks if stamp_of(t) == stamp), None), f"tracks of image {stamp}"
-        )
+        self.sent, stamp = time.monotonic(), stamp_of(message)
+        answer = lambda: next((t for t in self.tracks if stamp_of(t) == stamp), None) or meanwhile()
+        while True:
+            self.images.publish(message)
+            if said := self.spin_for(answer, AGAIN):
+                return self.answered(said)
+            assert time.monotonic() < self.sent + DEADLINE, f"tracks of image {stamp}: not within {DEADLINE} s"
+
+    def answered(self, said):
+        """Notes how long it took since the newest image was sent."""
+        self.took = time.monotonic() - self.sent
+        self.longest = max(self.longest, self.took)
+        return said
 
     def step(self, encoding="rgb8"):
         """Sends the next frame of the scene; gives its tracks."""
@@ -132,7 +160,7 @@ class Peer:
         """Marks the target of the newest frame and waits until it is followed."""
         self.tracks.clear()
         self.mark(*self.scene.box(self.index))
-        return self.spin_until(lambda: next((t for t in self.tracks if t.tracks), None), "the start")
+        return self.answered(self.spin_until(lambda: next((t for t in self.tracks if t.tracks), None), "the start"))
 
     def follow(self, frames, encoding="rgb8", least=0.5):
         """Sends frames and checks that the target is where it is said to be."""

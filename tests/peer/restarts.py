@@ -1,26 +1,26 @@
 """Either side is killed and comes back; part of `scenarios.py`."""
 
-import ctypes
 import os
 import signal
 import subprocess
 
 from peer import *  # noqa: F403
+from script import child
 
-# Seconds within which images must flow again, and within which the node must end and be gone.
+# Seconds, on an idle machine, within which images must flow again, and within which the node must end.
 BACK, GONE = 3.0, 1.0
-# Of prctl(2): the signal that a process gets when its parent dies.
-PR_SET_PDEATHSIG = 1
+# Seconds within which who says goodbye is listed no more. Who does not stays for a minute.
+UNLISTED = 20.0
 
 
 def start_node(path):
     """The node as a child that does not outlive this process."""
-    die_with_parent = lambda: ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-    return subprocess.Popen([path], stderr=subprocess.DEVNULL, preexec_fn=die_with_parent)
+    return child([path], stderr=subprocess.DEVNULL)
 
 
 def flow(peer):
-    """Publishes at 30 Hz until an image is answered."""
+    """Publishes at 30 Hz until an image is answered. Gives how long that took, in seconds of an idle machine."""
+    began = time.monotonic()
     due = time.monotonic()
 
     def answered():
@@ -31,7 +31,8 @@ def flow(peer):
             due += 1 / 30
         return peer.tracks
 
-    peer.spin_until(answered, "tracks again", BACK)
+    peer.spin_until(answered, "tracks again")
+    return (time.monotonic() - began) / slowness()
 
 
 def mark_and_follow(peer):
@@ -52,9 +53,7 @@ def killed_node(path, times):
     took = []
     for _ in range(int(times)):
         node = start_node(path)
-        began = time.monotonic()
-        flow(peer)
-        took.append(time.monotonic() - began)
+        took.append(flow(peer))
         mark_and_follow(peer)
         node.kill()
         node.wait()
@@ -66,12 +65,14 @@ def killed_node(path, times):
     before = listed()
     sent = time.monotonic()
     node.send_signal(signal.SIGINT)
-    code = node.wait(GONE)
-    ended = time.monotonic() - sent
+    code = node.wait(DEADLINE)
+    ended = (time.monotonic() - sent) / slowness()
     assert code == 0, code
     # The killed ones are listed until their leases expire; this one has said goodbye.
-    peer.spin_until(lambda: listed() < before, "one less is listed", GONE)
-    print(f"images flow {max(took):.2f} s after a start at most; SIGINT: ended after {ended:.2f} s")
+    peer.spin_until(lambda: listed() < before, "one less is listed", UNLISTED)
+    print(f"images flow {np.median(took):.2f} s after a start, {max(took):.2f} s at most; SIGINT: ended after {ended:.2f} s")
+    # The machine may be busier for a while than it is found to be, but not each time.
+    assert np.median(took) < BACK and ended < GONE, (took, ended)
     peer.close()
 
 
@@ -86,11 +87,11 @@ def drain(peer):
     peer.detections.clear()
 
 
-def killed_peer():
-    """A camera that is killed in the middle of it all."""
-    began = time.monotonic()
+def killed_peer(times):
+    """A camera that is killed in the middle of it all. Adds to a file how long it took until images flowed."""
     peer = Peer()
-    flow(peer)
-    print(f"images flow {time.monotonic() - began:.2f} s after the peer's start")
+    took = flow(peer)
     mark_and_follow(peer)
+    with open(times, "a") as file:
+        print(took, file=file)
     os.kill(os.getpid(), signal.SIGKILL)

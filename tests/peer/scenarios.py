@@ -25,7 +25,7 @@ from abuse import *  # noqa: F403
 from full_hd import *  # noqa: F403
 from parameters import *  # noqa: F403
 from restarts import *  # noqa: F403
-from script import run
+from script import child, run
 
 
 def whole_life(node_pid, algorithm):
@@ -40,7 +40,8 @@ def whole_life(node_pid, algorithm):
     said = peer.follow(20)
     assert (said.algorithm, said.header.frame_id) == (algorithm, "camera_optical")
     assert said.tracks[0].id == "0" and said.tracks[0].age == 20 and said.skipped == 0, said
-    assert 0 < said.processing_time.nanosec < 500_000_000
+    processing = said.processing_time.sec + said.processing_time.nanosec * 1e-9
+    assert 0 < processing < peer.took, (processing, peer.took)
 
     stamp = stamp_of(said)
     seen = peer.spin_until(lambda: next((d for d in peer.detections if stamp_of(d) == stamp), None), "detections")
@@ -68,7 +69,7 @@ def whole_life(node_pid, algorithm):
     peer.spin_until(lambda: not peer.step().tracks, "a mark of 0 x 0 stops")
 
     os.kill(int(node_pid), signal.SIGINT)
-    peer.spin_until(lambda: "/tracker" not in peer.listed(), "the node is gone", 2.0)
+    peer.spin_until(lambda: "/tracker" not in peer.listed(), "the node is gone", UNLISTED)
     peer.close()
 
 
@@ -249,8 +250,8 @@ def record(bag, count):
 
 
 def replay(folder, hurried):
-    """A recording played to the node at its own pace, but for the last images, which follow each other at once. Leaves
-    the recording, one of the images that the node looked at, and what it said of them."""
+    """A recording played to the node at its own pace, or that of a slow machine, but for the last images, which follow each
+    other at once. Leaves the recording, one of the images that the node looked at, and what it said of them."""
     folder, hurried = Path(folder), int(hurried)
     record(folder / "recorded", 90)
     with AnyReader([folder / "recorded"]) as reader:
@@ -263,15 +264,17 @@ def replay(folder, hurried):
     peer.send(recorded[0][1])
     peer.start()
 
-    began = time.monotonic() - recorded[0][0] * 1e-9
+    # An image that is lost on the way stays lost.
+    answered = lambda image: any(stamp_of(t) == stamp_of(image) for t in peer.tracks)
+    began, last = time.monotonic() - recorded[0][0] * 1e-9, recorded[0][1]
     for number, (due, image) in enumerate(recorded[1:], 1):
-        while number < len(recorded) - hurried and (left := began + due * 1e-9 - time.monotonic()) > 0:
-            peer.executor.spin_once(timeout_sec=left)
+        if number < len(recorded) - hurried:
+            peer.spin_for(lambda: answered(last), AGAIN)
+            peer.spin_for(lambda: time.monotonic() >= began + due * 1e-9, AGAIN)
         peer.images.publish(image)
-    # The node never skips the newest, but it may be lost on the way.
-    last, end = stamp_of(recorded[-1][1]), time.monotonic() + 2
-    while time.monotonic() < end and not any(stamp_of(t) == last for t in peer.tracks):
-        peer.executor.spin_once(timeout_sec=0.1)
+        last = image
+    # The node never skips the newest.
+    peer.spin_for(lambda: answered(last), AGAIN)
     said = {stamp_of(t): t.tracks[0] for t in peer.tracks if t.tracks}
     assert len(said) == sum(bool(t.tracks) for t in peer.tracks), "no image is looked at twice"
     peer.close()
@@ -379,6 +382,7 @@ def renamed():
 
 def diagnostics():
     """Once a second, the counts of images and the states of targets; what goes wrong is a warning."""
+    ticks = Ticks()
     peer = Peer()
     told = peer.listen(DiagnosticArray, "/diagnostics", 10)
 
@@ -394,15 +398,18 @@ def diagnostics():
     peer.start()
 
     def healthy():
-        peer.follow(5)
-        return latest("images")[0] == b"\x00" and latest("targets")[1] == "1 tracking"
+        peer.follow(1)
+        level, _, values = latest("images")
+        return level == b"\x00" and int(values["received"]) > 5 and latest("targets")[1] == "1 tracking"
 
     peer.spin_until(healthy, "an image rate and a target")
     _, _, values = latest("images")
-    assert float(values["rate (Hz)"]) > 1 and int(values["received"]) > 5 and values["refused"] == "0", values
+    assert float(values["rate (Hz)"]) > 0 and values["refused"] == "0", values
     _, _, values = latest("targets")
+    assert values["tracking"] == "1", values
     shortest, mean, longest = map(float, values["latency, min / mean / max (ms)"].split(" / "))
-    assert 0 < shortest <= mean <= longest < 1000 and values["tracking"] == "1", values
+    # The node's own thread may be stopped between the message and the look at the clock.
+    assert 0 < shortest <= mean <= longest < 2e3 * peer.longest, (values, peer.longest)
 
     broken = peer.message(peer.index)
     broken.step -= 1
@@ -413,10 +420,29 @@ def diagnostics():
         return latest("images")[0] == b"\x01" and "refused" in latest("images")[1]
 
     peer.spin_until(refused, "a warning of refused images")
-    stamps = [m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in told]
-    gaps = np.diff(stamps)
-    assert len(gaps) >= 2 and 0.7 < np.median(gaps) < 1.3, gaps
+    peer.spin_until(lambda: len(told) > 5, "some more")
+    gaps = np.diff([m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in told])
+    # Who wants to do something once a second on this machine, now, does it so.
+    here = np.median(ticks.gaps())
+    assert 0.7 < np.median(gaps) < 1.3 * here, (gaps, here)
     peer.close()
+
+
+class Ticks(threading.Thread):
+    """Notes the time once a second."""
+
+    def __init__(self):
+        super().__init__(daemon=True)
+        self.times = [time.time()]
+        self.start()
+
+    def run(self):
+        while True:
+            time.sleep(max(self.times[0] + len(self.times) - time.time(), 0))
+            self.times.append(time.time())
+
+    def gaps(self):
+        return np.diff(self.times)
 
 
 def mismatched():
@@ -424,14 +450,57 @@ def mismatched():
     peer = Peer()
     lines = peer.listen(Log, "/rosout", 100)
     peer.node.create_publisher(Image, "/camera/image_raw", 10)
-    told = lambda: [line for line in lines if "no image on /image" in line.msg]
+    # The node tells it once, maybe before it has seen who is there: it tells it anew after one who matches has left.
+    matching = peer.node.create_publisher(Image, "/image", 10)
+    peer.spin_until(lambda: matching.publish(peer.message(0)) or peer.tracks, "tracks of an image")
+    peer.node.destroy_publisher(matching)
+    told = lambda: any("no image on /image" in line.msg and "/camera/image_raw" in line.msg for line in lines)
     peer.spin_until(lambda: peer.images.publish(peer.message(0)) or told(), "the line on /rosout")
     peer.close()
 
 
-def debug_rate(seconds, least):
-    """At 1280 x 720 and 30 Hz, default subscribers (reliable, of depth 10) and sensor-data ones see the debug images at
-    nearly the frame rate."""
+def debug_share(frames, least):
+    """At 1280 x 720, default subscribers (reliable, of depth 10) and sensor-data ones see nearly all debug images, if the
+    camera waits for them."""
+    frames, least = int(frames), float(least)
+    peer, send, got = debug_camera()
+    seen = [set() for _ in got]
+
+    def arrived(stamp):
+        for stamps, images in zip(seen, got):
+            stamps.update(map(stamp_of, images))
+            images.clear()
+        return all(stamp in stamps for stamps in seen)
+
+    stamps, missed = [], 0
+    while len(stamps) < frames and missed <= (1 - least) * frames:
+        stamps.append(send())
+        missed += not peer.spin_for(lambda: arrived(stamps[-1]), AGAIN)
+    counts = [sum(stamp in got for stamp in stamps) for got in seen]
+    print(f"{len(stamps)} frames: {len(peer.tracks)} tracks, debug images {counts}")
+    assert len(stamps) == frames and min(counts) >= least * frames, counts
+    peer.close()
+
+
+def debug_rate(seconds):
+    """The same at 30 Hz, whether they have come or not; prints how many have."""
+    peer, send, got = debug_camera()
+    for images in [*got, peer.tracks]:
+        images.clear()
+    frames, begun = round(30 * float(seconds)), time.monotonic()
+    for n in range(frames):
+        send()
+        while (left := begun + (n + 1) / 30 - time.monotonic()) > 0:
+            peer.executor.spin_once(timeout_sec=left)
+    took = time.monotonic() - begun
+    peer.spin_for(lambda: False, 1)
+    print(f"{frames} frames in {took:.1f} s: {len(peer.tracks)} tracks, debug images {[len(images) for images in got]}")
+    peer.close()
+
+
+def debug_camera():
+    """A peer with a target in 1280 x 720 that is followed, what sends its next image and gives the stamp, and three lists of
+    debug images, of which some have come."""
     peer = Peer()
     peer.scene = Scene(1280, 720, (80, 100))
     ring = [peer.message(index) for index in range(90)]
@@ -448,6 +517,7 @@ def debug_rate(seconds, least):
         turn = index % (2 * len(ring) - 2)
         message = stamped(ring[min(turn, 2 * len(ring) - 2 - turn)], index)
         peer.images.publish(message)
+        return stamp_of(message)
 
     def everywhere():
         send()
@@ -455,25 +525,7 @@ def debug_rate(seconds, least):
         return all(got)
 
     peer.spin_until(everywhere, "debug images everywhere")
-    frames = round(30 * float(seconds))
-    # Another process may take the processor for a while, but not each time.
-    for _ in range(3):
-        for images in [*got, peer.tracks]:
-            images.clear()
-        begun = time.monotonic()
-        for n in range(frames):
-            send()
-            while (left := begun + (n + 1) / 30 - time.monotonic()) > 0:
-                peer.executor.spin_once(timeout_sec=left)
-        end = time.monotonic() + 1
-        while time.monotonic() < end:
-            peer.executor.spin_once(timeout_sec=0.05)
-        counts = [len(images) for images in got]
-        print(f"{frames} frames in {end - 1 - begun:.1f} s: {len(peer.tracks)} tracks, debug images {counts}")
-        if min(counts) >= float(least) * frames:
-            break
-    assert min(counts) >= float(least) * frames, counts
-    peer.close()
+    return peer, send, got
 
 
 def look():
@@ -492,12 +544,14 @@ def stuck_looker(node_pid):
     peer = Peer()
     peer.connect()
     peer.start()
-    looker = subprocess.Popen([sys.executable, __file__, "look"], stdout=subprocess.PIPE)
+    looker = child([sys.executable, __file__, "look"], stdout=subprocess.PIPE)
     try:
-        reads = threading.Thread(target=looker.stdout.readline)
+        said = []
+        reads = threading.Thread(target=lambda: said.append(looker.stdout.readline()))
         reads.start()
         while reads.is_alive():
             peer.follow(1)
+        assert said == [b"seen\n"], "it has ended"
         looker.send_signal(signal.SIGSTOP)
         peer.follow(100)
         sizes = [resident(node_pid)]
@@ -512,40 +566,63 @@ def stuck_looker(node_pid):
     peer.close()
 
 
-def endurance(node_pid, frames):
-    """Follows a target at 640 x 480 through so many frames, one after the other; prints and checks the first track's
-    delay and the node's resident memory."""
-    peer = Peer()
-    peer.scene = Scene(640, 480, (64, 80))
-    ring = [peer.message(index) for index in range(256)]
+class There:
+    """A camera of 640 x 480, in whose images the target goes there and back again, so that it never jumps."""
+
+    def __init__(self):
+        self.peer = Peer()
+        self.peer.scene = Scene(640, 480, (64, 80))
+        self.ring = [self.peer.message(index) for index in range(256)]
+
+    def turn(self, index):
+        turn = index % (2 * len(self.ring) - 2)
+        return min(turn, 2 * len(self.ring) - 2 - turn)
+
+    def message(self, index):
+        return stamped(self.ring[self.turn(index)], index)
+
+    def box(self, index):
+        return self.peer.scene.box(self.turn(index))
+
+
+def first_track(times):
+    """Adds to a file how long after the first image the first track came, in seconds of an idle machine."""
+    camera = There()
+    peer = camera.peer
     peer.spin_until(lambda: peer.images.get_subscription_count() and peer.marks.get_subscription_count(), "the node")
-    mark = peer.scene.box(0)
-    begun = None
+    begun, marks = time.monotonic(), 0
 
     def followed():
-        nonlocal begun
-        begun = begun or time.monotonic()
-        peer.mark(*mark)
-        peer.images.publish(ring[0])
+        nonlocal marks
+        # What is sent before all is matched may be lost.
+        if time.monotonic() >= begun + marks / 2:
+            peer.mark(*camera.box(0))
+            marks += 1
+        peer.images.publish(camera.message(0))
         return next((t for t in peer.tracks if t.tracks), None)
 
     peer.spin_until(followed, "the first track")
-    delay = time.monotonic() - begun
-    frames, sizes = int(frames), []
+    with open(times, "a") as file:
+        print((time.monotonic() - begun) / slowness(), file=file)
+    peer.close()
+
+
+def endurance(node_pid, frames):
+    """Follows a target through so many frames, one after the other; prints and checks the node's resident memory."""
+    camera, frames, sizes = There(), int(frames), []
+    peer = camera.peer
+    peer.connect()
+    peer.start()
     for index in range(1, frames + 1):
-        # There and back again, so that the target never jumps.
-        turn = index % (2 * len(ring) - 2)
-        message = stamped(ring[min(turn, 2 * len(ring) - 2 - turn)], index)
-        said = peer.send(message)
+        said = peer.send(camera.message(index))
         peer.detections.clear()
-        if index * 20 % frames < 20:
-            sizes.append(resident(node_pid))
-    box = box_of(said.tracks[0])
-    print(f"first track {delay:.2f} s after the first image; {frames} frames; resident {sizes} MB")
-    assert delay < 1.0, f"first track after {delay:.2f} s"
-    assert iou(box, peer.scene.box(min(turn, 2 * len(ring) - 2 - turn))) > 0.5, said
-    # The first fifth fills caches and the memory of samples.
-    assert max(sizes) < 200 and max(sizes[4:]) - sizes[4] < 3, sizes
+        sizes.append(resident(node_pid))
+    assert iou(box_of(said.tracks[0]), camera.box(frames)) > 0.5, said
+    # The first fifth fills caches and the memory of samples. What is on its way at a time is in no window's least.
+    windows = [float(min(window)) for window in np.array_split(sizes, 5)]
+    print(f"{frames} frames; resident {windows} MB at least, {max(sizes)} MB at most")
+    # The allocator may take a step at any time; what is kept grows in each window.
+    assert max(sizes) < 200 and min(np.diff(windows[1:])) < 0.75, (windows, max(sizes))
     peer.close()
 
 

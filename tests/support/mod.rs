@@ -2,10 +2,14 @@
 
 #![allow(dead_code, unused_imports, reason = "each test binary uses its own part")]
 
+#[cfg(feature = "ros")]
+mod domain;
 mod environment;
+mod machine;
 #[cfg(feature = "ros")]
 mod process;
 
 pub use environment::Environment;
+pub use machine::slowness;
 #[cfg(feature = "ros")]
 pub use process::{Node, Peer, domain, scenario};

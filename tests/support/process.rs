@@ -1,26 +1,32 @@
 //! The processes of a test, each ended with it.
 
+use std::cell::RefCell;
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::Environment;
+use super::domain::Domain;
 
 /// The signal that cannot be handled.
 const SIGKILL: i32 = 9;
-/// Until something that must happen has to have happened.
-const DEADLINE: Duration = Duration::from_secs(20);
+/// Until something that must happen has to have happened. It only ends what hangs: nothing is judged by it.
+const DEADLINE: Duration = Duration::from_secs(120);
+/// The same for all that a peer does, which has its own deadline for each thing that it waits for.
+const PEER_DEADLINE: Duration = Duration::from_secs(1200);
 
-/// A ROS domain that no other test of this process uses, nor, most likely, one of another process.
+/// A ROS domain that nobody else on this machine uses until the calling thread ends, as that of a test does.
 pub fn domain() -> u32 {
-    static NEXT: AtomicU32 = AtomicU32::new(0);
-    1 + (std::process::id() * 13 + NEXT.fetch_add(1, Ordering::Relaxed)) % 100
+    thread_local!(static TAKEN: RefCell<Vec<Domain>> = const { RefCell::new(Vec::new()) });
+    let domain = Domain::take();
+    let number = domain.number.into();
+    TAKEN.with_borrow_mut(|taken| taken.push(domain));
+    number
 }
 
 fn isolated(command: &mut Command, domain: u32) -> &mut Command {
@@ -163,7 +169,7 @@ impl Peer {
 
     /// Waits until the function has returned without a failure, where it starts the node itself.
     pub fn succeed_alone(self) {
-        self.succeed_alone_within(12 * DEADLINE);
+        self.succeed_alone_within(PEER_DEADLINE);
     }
 
     /// Waits for that as long as it may take.
@@ -174,14 +180,14 @@ impl Peer {
 
     /// Waits until the function has killed its process.
     pub fn be_killed(mut self, node: &Node) {
-        let status = wait(&mut self.0, DEADLINE);
+        let status = wait(&mut self.0, PEER_DEADLINE);
         let killed = status.is_some_and(|s| s.signal() == Some(SIGKILL));
         assert!(killed, "the peer failed: {status:?}; the node wrote:\n{}", node.log());
     }
 
     /// Waits until the function has returned without a failure.
     pub fn succeed(self, node: &Node) {
-        self.succeed_within(6 * DEADLINE, node);
+        self.succeed_within(PEER_DEADLINE, node);
     }
 
     /// Waits for that as long as it may take.

@@ -304,10 +304,7 @@ impl Appearance {
 }
 
 /// The network that the parameters ask for.
-pub(in crate::tracker) fn network(
-    params: &Params,
-    networks: &Networks,
-) -> Result<Option<SharedCnn>, NetworkError> {
+pub(in crate::tracker) fn network(params: &Params, networks: &Networks) -> Result<Option<SharedCnn>, NetworkError> {
     network_settings(params).map(|settings| networks.get(settings)).transpose()
 }
 

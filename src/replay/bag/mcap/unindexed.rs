@@ -62,20 +62,22 @@ impl Unindexed {
                     self.ended = true;
                     return None;
                 }
-                op::SCHEMA | op::CHANNEL | op::MESSAGE => match super::texts(opcode, data).and_then(|()| mcap::parse_record(opcode, data).ok())? {
-                    Record::Schema { header, .. } => drop(self.schemas.insert(header.id, header.name)),
-                    Record::Channel(channel) => drop(self.channels.insert(channel.id, channel)),
-                    Record::Message { header, data } => {
-                        let channel = self.channels.get(&header.channel_id);
-                        if channel.is_some_and(|channel| topic.is_none_or(|topic| channel.topic == topic)) {
-                            message.log_time = header.log_time;
-                            message.bytes.clear();
-                            message.bytes.extend_from_slice(&data);
-                            return Some(header.channel_id);
+                op::SCHEMA | op::CHANNEL | op::MESSAGE => {
+                    match super::texts(opcode, data).and_then(|()| mcap::parse_record(opcode, data).ok())? {
+                        Record::Schema { header, .. } => drop(self.schemas.insert(header.id, header.name)),
+                        Record::Channel(channel) => drop(self.channels.insert(channel.id, channel)),
+                        Record::Message { header, data } => {
+                            let channel = self.channels.get(&header.channel_id);
+                            if channel.is_some_and(|channel| topic.is_none_or(|topic| channel.topic == topic)) {
+                                message.log_time = header.log_time;
+                                message.bytes.clear();
+                                message.bytes.extend_from_slice(&data);
+                                return Some(header.channel_id);
+                            }
                         }
+                        _ => {}
                     }
-                    _ => {}
-                },
+                }
                 _ => {}
             }
         }

@@ -1,0 +1,20 @@
+//! How busy the machine is, for what is asked in seconds is asked of an idle one.
+
+use std::time::{Duration, Instant};
+
+use rustix::time::{ClockId, clock_gettime};
+
+/// Processor time that is spent to see how long it takes.
+const WORK: Duration = Duration::from_millis(100);
+
+/// How many times its processor time a thread takes at present: 1 on an idle machine, about N/C where N threads want to run
+/// on C processors.
+pub fn slowness() -> f64 {
+    let spent = || {
+        let now = clock_gettime(ClockId::ThreadCPUTime);
+        Duration::new(now.tv_sec as u64, now.tv_nsec as u32)
+    };
+    let (begun, before) = (Instant::now(), spent());
+    while spent() - before < WORK {}
+    (begun.elapsed().as_secs_f64() / WORK.as_secs_f64()).max(1.0)
+}
