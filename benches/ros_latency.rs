@@ -31,5 +31,5 @@ fn at_the_cameras_rate(args: &[&str], camera: impl Fn(&Node) -> (&'static str, V
     let (scenario, told) = camera(&node);
     Peer::start(domain, scenario, &told.iter().map(String::as_str).collect::<Vec<_>>()).succeed(&node);
     let log = node.end();
-    log.lines().filter(|line| line.contains("images:")).for_each(|line| println!("{line}"));
+    log.lines().filter(|line| line.contains(" received, ")).for_each(|line| println!("{line}"));
 }

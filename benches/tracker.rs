@@ -167,7 +167,7 @@ fn start(c: &mut Criterion) {
         let params = Params::default().with([(parameter, &value)], Phase::StartUp).expect("the parameter is known");
         // ONNX Runtime may be missing.
         let Ok(mut session) = Session::new(params) else { continue };
-        let mut mark = |session: &mut Session| {
+        let mark = |session: &mut Session| {
             let begun = clock_gettime(ClockId::ProcessCPUTime);
             session.start(&frame(&video[0]), target(0), &mut ()).expect("the target is in view");
             processor_time_since(begun)

@@ -160,9 +160,10 @@ fn looking_for_a_turned_target_allocates_nothing_once_warm() {
 /// Frames before which the stamps have a gap, so that the target is looked for in two places.
 #[test]
 fn looking_in_two_places_after_a_gap_allocates_nothing_once_warm() {
-    let network = Value::Bool(false);
+    let (interval, network) = (Value::Integer(100), Value::Bool(false));
     let with_gaps = |frame: usize| Some(10_000_000 * (frame + 5 * (frame / 4)) as i64);
-    follow_stamped_without_allocating(&[("lcmht.cnn.enabled", &network)], with_gaps, 0.7);
+    let changes = [("lcmht.filter.interval", &interval), ("lcmht.cnn.enabled", &network)];
+    follow_stamped_without_allocating(&changes, with_gaps, 0.7);
 }
 
 #[test]
@@ -190,8 +191,9 @@ fn searching_for_a_lost_target_allocates_nothing_of_ours_once_warm() {
     let frame = |data| Frame::new(data, 160, 120, 480, Encoding::Rgb8, None).unwrap();
     session.start(&frame(&there[0]), Rect::new(40.0, 44.0, 32.0, 32.0), &mut ()).unwrap();
     there[1..].iter().for_each(|data| _ = session.step(&frame(data), &mut ()));
-    // Stripes: a ground with something in it, but not the square.
-    let ground: Vec<u8> = (0..160 * 120).flat_map(|i| [90, 45 + (i / 160 % 7 * 9) as u8, 165]).collect();
+    // Checks: a ground with something in it, but not the square.
+    let check = |i: usize| 45 + ((i % 160 / 11 + i / 160 / 9) % 2 * 40) as u8;
+    let ground: Vec<u8> = (0..160 * 120).flat_map(|i| [90, check(i), 165]).collect();
     for _ in 0..40 {
         session.step(&frame(&ground), &mut ());
     }

@@ -288,9 +288,7 @@ fn a_network_that_was_loaded_beside_is_taken_over_without_loading_it_again() {
     let rect = Rect::new(60.0, 40.0, 30.0, 40.0);
     session.start(&frame, rect, &mut ()).unwrap();
     let networks = session.networks();
-    std::thread::scope(|scope| {
-        scope.spawn(|| tracker::check(&networks, &first, &then).unwrap()).join().unwrap();
-    });
+    std::thread::scope(|scope| scope.spawn(|| tracker::check(&networks, &first, &then)).join().unwrap()).unwrap();
     std::fs::remove_file(&path).unwrap();
     session.retune(then).unwrap();
     for _ in 0..3 {

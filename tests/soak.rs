@@ -72,7 +72,7 @@ fn full_hd_is_received_in_constant_memory() {
     let peer = Peer::start(domain, "full_hd", &[&node.id().to_string(), &frames.to_string(), "0"]);
     peer.succeed_within(BEGIN + PER_FRAME * frames, &node);
     let log = node.end();
-    let counts = log.lines().find(|line| line.contains("images: ")).expect("the node's counts");
+    let counts = log.lines().find(|line| line.contains(" received, ")).expect("the node's counts");
     println!("{counts}");
     let number = |unit: &str| -> f64 {
         let word = counts.split(unit).next().and_then(|before| before.rsplit(' ').next()).expect("a number before it");

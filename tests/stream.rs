@@ -2,7 +2,7 @@
 
 use long_term_tracker::params::{Phase, Value};
 use long_term_tracker::trace::{ResponseMap, Trace};
-use long_term_tracker::{Encoding, Frame, Params, Rect, Session, State};
+use long_term_tracker::{Encoding, Frame, Params, Rect, Session, StartError, State, Target};
 
 const WIDTH: usize = 240;
 const HEIGHT: usize = 160;
@@ -252,7 +252,7 @@ fn a_target_is_followed_in_a_small_range_of_16_bits_where_the_levels_say_which()
     let grey = |data: &[u8]| data.chunks_exact(3).map(|p| p[0]).collect::<Vec<u8>>();
     let deep = |data: &[u8]| data.iter().flat_map(|&v| (3000 + u16::from(v)).to_be_bytes()).collect::<Vec<u8>>();
     let scenes = scenes(15);
-    let follow = |black: i64, white: i64, is_deep: bool| {
+    let follow = |black: i64, white: i64, is_deep: bool| -> Result<Vec<Target>, StartError> {
         let (black, white, network) = (Value::Integer(black), Value::Integer(white), Value::Bool(false));
         let changes = [("levels.black", &black), ("levels.white", &white), ("lcmht.cnn.enabled", &network)];
         let mut session = Session::new(Params::default().with(changes, Phase::StartUp).unwrap()).unwrap();
@@ -263,17 +263,18 @@ fn a_target_is_followed_in_a_small_range_of_16_bits_where_the_levels_say_which()
             let (step, encoding) = if is_deep { (2, Encoding::Mono16Be) } else { (1, Encoding::Mono8) };
             let frame = Frame::new(&bytes, WIDTH as u32, HEIGHT as u32, step * WIDTH, encoding, None).unwrap();
             let output = match n {
-                0 => session.start(&frame, target(0), &mut ()).unwrap(),
+                0 => session.start(&frame, target(0), &mut ())?,
                 _ => session.step(&frame, &mut ()),
             };
             said.push(output.targets[0].clone());
         }
-        said
+        Ok(said)
     };
-    let eight_bits = follow(0, 65535, false);
+    let eight_bits = follow(0, 65535, false).unwrap();
     assert!(eight_bits[14].rect.iou(&target(14)) > 0.6);
-    assert_eq!(follow(3000, 3255, true), eight_bits);
-    assert_ne!(follow(0, 65535, true), eight_bits);
+    assert_eq!(follow(3000, 3255, true).unwrap(), eight_bits);
+    // In the whole range it is less than a level of eight bits.
+    assert!(matches!(follow(0, 65535, true), Err(StartError::Blank { .. })));
     let same = Value::Integer(7);
     let refused = Params::default().with([("levels.black", &same), ("levels.white", &same)], Phase::Running);
     assert!(refused.unwrap_err().to_string().contains("levels.black and levels.white are both 7"));
@@ -294,8 +295,11 @@ fn stamps_that_jump_back_or_are_missing_do_not_disturb_the_track() {
     let looped = follow(&|n| Some(1_000_000_000 + (n % 10) * PERIOD));
     let set_back = follow(&|n| Some(7_200_000_000_000 + n * PERIOD - if n > 9 { 3_600_000_000_000 } else { 0 }));
     let frozen = follow(&|n| Some(1_000_000_000 + if (9..15).contains(&n) { 9 } else { n } * PERIOD));
-    for other in [&looped, &set_back] {
-        assert_eq!(other, &steady);
+    for (other, steady) in [&looped, &set_back].into_iter().flat_map(|others| others.iter().zip(&steady)) {
+        assert_eq!((other.rect, other.state), (steady.rect, steady.state));
+        // The frame rate is the mean over what is remembered, of which a step of the clock is no part.
+        let differs = |i: usize| (other.velocity[i] - steady.velocity[i]).abs() > 0.25 * steady.velocity[i].abs() + 1.0;
+        assert!(!differs(0) && !differs(1), "{:?} {:?}", other.velocity, steady.velocity);
     }
     assert!(frozen.last().unwrap().rect.iou(&target(23)) > 0.7, "{:?}", frozen.last());
 

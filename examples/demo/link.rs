@@ -13,7 +13,7 @@ use long_term_tracker::ros::env::{self, Environment, Reach};
 use long_term_tracker::ros::messages::{Header, Image, RegionOfInterest, Time, Track, TrackArray};
 use long_term_tracker::ros::names::{Names, Rule};
 use long_term_tracker::{Rect, params::NodeName};
-use ros2_client::{Publisher, Subscription};
+use ros2_client::{Publisher, Subscription, WriteError};
 use smol::Timer;
 use smol::future::or;
 
@@ -22,11 +22,12 @@ const APPEAR: Duration = Duration::from_secs(60);
 /// How long an answer is waited for.
 const ANSWER: Duration = Duration::from_secs(1);
 /// The same where to say it twice would matter: a second mark begins anew.
-const CERTAIN: Duration = Duration::from_secs(5);
+const CERTAIN: Duration = Duration::from_secs(20);
 /// How often the state is told.
 const SECOND: Duration = Duration::from_secs(1);
-/// How often something is said that has no answer.
+/// How often something is said that has no answer, and what must not be said twice without need.
 const TRIES: usize = 30;
+const CERTAIN_TRIES: usize = 5;
 
 /// What the node said of the clip.
 pub struct Run {
@@ -52,14 +53,14 @@ pub fn play(frames: &[RgbImage], mark: Rect, pace: Pace, domain: u16) -> Result<
     if shrink > 1 {
         println!("the kernel's receive buffers are small: frames are published at half their size");
     }
-    let context = Environment { domain, reach: Reach::Localhost }.context()?;
+    let context = Environment { domain, reach: Reach::Localhost, peers: Vec::new(), warnings: Vec::new() }.context()?;
     // "~" means the tracker here, so that topics are called as its documentation calls them.
     let own = NodeName { namespace: "/".to_owned(), name: "demo".to_owned() };
     let rules = ["~/init_roi:=/tracker/init_roi", "~/tracks:=/tracker/tracks"].map(Rule::parse);
     let rules = rules.into_iter().collect::<Result<Vec<_>, _>>()?;
     let mut endpoints = Endpoints::new(context, Names::new(own, rules)?)?;
     let mut link = Link {
-        images: endpoints.image_publisher("image")?,
+        images: endpoints.image_publisher("image")?.0,
         marks: endpoints.publisher("~/init_roi")?,
         tracks: endpoints.subscription("~/tracks")?,
         shrink,
@@ -116,8 +117,8 @@ impl Link {
         }
         let [x_offset, y_offset, width, height] =
             [mark.x, mark.y, mark.w, mark.h].map(|v| (v / f64::from(self.shrink)).round() as u32);
-        for _ in 0..TRIES {
-            self.marks.publish(RegionOfInterest { x_offset, y_offset, height, width, do_rectify: false })?;
+        for _ in 0..CERTAIN_TRIES {
+            sent(self.marks.publish(RegionOfInterest { x_offset, y_offset, height, width, do_rectify: false }))?;
             let followed = async { while self.next_answer().await.is_none_or(|(_, track)| track.is_none()) {} };
             if within(CERTAIN, followed).await.is_some() {
                 println!("marked {mark} in the first frame");
@@ -152,7 +153,7 @@ impl Link {
 
     /// Waits until something is said of the frame, which is shown again where it was lost on the way.
     async fn answered(&mut self, index: usize, frame: &RgbImage) -> Result<(), Box<dyn Error>> {
-        for _ in 0..TRIES {
+        for _ in 0..CERTAIN_TRIES {
             let answered = async {
                 while self.run.tracks[index].is_none() {
                     self.next_answer().await;
@@ -176,8 +177,7 @@ impl Link {
         let header = Header { stamp: Time::from_nanos(self.stamp(index)), frame_id: "camera".to_owned() };
         let encoding = "rgb8".to_owned();
         self.published[index] = Some(Instant::now());
-        self.images.publish(Image { header, height, width, encoding, is_bigendian: 0, step: 3 * width, data })?;
-        Ok(())
+        sent(self.images.publish(Image { header, height, width, encoding, is_bigendian: 0, step: 3 * width, data }))
     }
 
     /// Waits for the next message of tracks and files it under the frame whose stamp it bears. Gives the frame and
@@ -220,6 +220,14 @@ impl Link {
             track.confidence,
             track.response
         )
+    }
+}
+
+/// A message for which the network has no time now is lost, as others are on the way: no reason to end.
+fn sent<M: std::fmt::Debug + 'static>(result: Result<(), WriteError<M>>) -> Result<(), Box<dyn Error>> {
+    match result {
+        Ok(()) | Err(WriteError::WouldBlock { .. }) => Ok(()),
+        Err(why) => Err(why.into()),
     }
 }
 

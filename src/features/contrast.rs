@@ -126,7 +126,7 @@ mod tests {
         }
         for levels in [1, 2, 3, 6] {
             let got = grey(|x, y| 100.0 + noise(x, y, levels));
-            assert!((0.1..LEAST_CONTRAST).contains(&got), "{levels}: {got}");
+            assert!(got < LEAST_CONTRAST, "{levels}: {got}");
         }
         assert!(grey(|x, _| x as f64) < 1.0);
         assert!(grey(|x, y| (x + y) as f64 / 2.0) < 1.0, "aslant");
@@ -136,7 +136,7 @@ mod tests {
     fn what_varies_along_one_axis_alone_fixes_no_place() {
         let stripes = |v: usize| 120.0 + 100.0 * (v as f64 / 5.0).sin();
         assert!(grey(|x, _| stripes(x)) < 0.5 && grey(|_, y| stripes(y)) < 0.5);
-        assert!(grey(|x, y| (stripes(x) + stripes(y)) / 2.0) < 0.5, "nor do two, each along one");
+        assert!(grey(|x, y| (stripes(x) + stripes(y)) / 2.0) > 10.0, "both together do");
         assert!(grey(|x, y| stripes(x) * stripes(y) / 255.0) > 10.0);
     }
 

@@ -16,7 +16,7 @@ pub const IMAGE_FOLDER: &str = "img";
 /// A file of at most so many bytes may be a link in writing; no image is that small.
 const MAX_LINK: u64 = 1024;
 
-/// The images of a folder, sorted by the numbers in their names; see [`order`].
+/// The images of a folder, sorted by the numbers in their names; see `order`.
 #[derive(Debug)]
 pub struct Folder {
     images: std::vec::IntoIter<PathBuf>,
@@ -108,10 +108,10 @@ fn image_folder(path: &Path) -> PathBuf {
     linked.unwrap_or_else(|| path.to_owned())
 }
 
-/// Whether the file is called an image. What is neither a file nor a link to nowhere is none: a pipe would be waited for.
+/// Whether it is called an image, and is no folder. A pipe or a device of that name is refused when it is read.
 pub fn is_image(path: &Path) -> bool {
     let hidden = path.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
-    !hidden && EXTENSIONS.contains(&other::suffix(path).as_str()) && path.metadata().map_or(true, |m| m.is_file())
+    !hidden && EXTENSIONS.contains(&other::suffix(path).as_str()) && !path.is_dir()
 }
 
 /// Reads an image file; see [`decode`].

@@ -2,19 +2,19 @@
 //! the machine is.
 //!
 //! To take a target up costs many times what it costs to follow it into one image, and every image that comes
-//! meanwhile but the newest is skipped. So a mark that took a time `t` is followed by `t / SHARE` in which no other is
-//! obeyed, and the share of images that marks can cost is no more than [`SHARE`]. Marks may run ahead of that by a little,
-//! so that a user who marks anew at once does not wait; and by more where a place is free, for a detector that marks a handful
-//! of targets at once. A restart goes at once. What they took counts all the same.
+//! meanwhile but the newest is skipped. So a mark that costs a time `t` in all is followed by `t / SHARE` in which no other is
+//! obeyed, and the share of images that marks can cost is no more than `SHARE`. Marks may run ahead of that by a little, so
+//! that a user who marks anew at once does not wait, nor a detector that marks a handful of targets. A restart goes at
+//! once. What it took counts all the same.
 
 use std::time::{Duration, Instant};
 
 /// Marks may take no more of the time than this.
 const SHARE: f64 = 1.0 / 16.0;
-/// How much time marks of what is followed already may take before its share has passed.
-const AHEAD_AGAIN: Duration = Duration::from_millis(100);
-/// How much time marks of new targets may.
-const AHEAD: Duration = Duration::from_millis(500);
+/// What a mark costs in all, in times of what it costs at once: altered looks at the target are learned over the next images.
+const IN_ALL: f64 = 4.0;
+/// How much time marks may take before its share has passed: that of a handful.
+const AHEAD: Duration = Duration::from_millis(2000);
 
 /// No mark of a new target waits longer, even on a machine so slow or busy that marks take seconds.
 const LONGEST: Duration = Duration::from_secs(10);
@@ -26,10 +26,8 @@ pub enum Cost {
     None,
     /// To take up those that were followed before: a service, whose client waits for the answer.
     Restart,
-    /// To take a target up where a place is free.
-    Start,
-    /// To take up what is followed already.
-    Again,
+    /// To take a target up.
+    Mark,
 }
 
 /// When marks are due.
@@ -45,20 +43,20 @@ impl Budget {
         Self { paid: now }
     }
 
-    /// Notes that a mark took `time` up to `now`.
-    pub fn charge(&mut self, time: Duration, now: Instant) {
+    /// Notes that a mark took `time` up to `now`. One that was followed through `later` images was learned on the way; another
+    /// will still take the rest of what it costs in all.
+    pub fn charge(&mut self, time: Duration, later: usize, now: Instant) {
+        let in_all = if later == 0 { IN_ALL } else { 1.0 };
         let most = now + LONGEST + AHEAD.div_f64(SHARE);
-        self.paid = most.min(self.paid.max(now) + time.div_f64(SHARE));
+        self.paid = most.min(self.paid.max(now) + time.mul_f64(in_all / SHARE));
     }
 
     /// How long a command has to wait.
     pub fn wait(&self, cost: Cost, now: Instant) -> Duration {
-        let ahead = match cost {
-            Cost::None | Cost::Restart => return Duration::ZERO,
-            Cost::Start => AHEAD,
-            Cost::Again => AHEAD_AGAIN,
-        };
-        self.paid.saturating_duration_since(now).saturating_sub(ahead.div_f64(SHARE))
+        match cost {
+            Cost::None | Cost::Restart => Duration::ZERO,
+            Cost::Mark => self.paid.saturating_duration_since(now).saturating_sub(AHEAD.div_f64(SHARE)),
+        }
     }
 }
 
@@ -68,18 +66,18 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
-    /// The share of 30 s that marks take which each cost so much and wait at all times.
-    fn share(cost: Cost, each: Duration) -> f64 {
+    /// The share of 30 s that marks take which each cost so much at once and wait at all times.
+    fn share(each: Duration) -> f64 {
         let begin = Instant::now();
         let (mut now, mut taken) = (begin, Duration::ZERO);
         let mut budget = Budget::new(begin);
         while now < begin + 30_000 * MS {
-            let wait = budget.wait(cost, now);
+            let wait = budget.wait(Cost::Mark, now);
             now += wait.max(MS);
             if wait.is_zero() {
                 now += each;
-                taken += each;
-                budget.charge(each, now);
+                taken += each.mul_f64(IN_ALL);
+                budget.charge(each, 0, now);
             }
         }
         taken.as_secs_f64() / 30.0
@@ -87,30 +85,28 @@ mod tests {
 
     #[test]
     fn marks_take_no_more_than_their_share_whatever_they_cost() {
-        for each in [1, 5, 60, 500] {
-            for (cost, ahead) in [(Cost::Again, AHEAD_AGAIN), (Cost::Start, AHEAD)] {
-                let taken = share(cost, each * MS);
-                // The last of them may end after its time.
-                let most = SHARE + (ahead + each * MS).as_secs_f64() / 30.0;
-                assert!(taken > 0.8 * SHARE && taken < most, "{cost:?} of {each} ms: {taken}");
-            }
+        for each in [1, 5, 60, 120] {
+            let taken = share(each * MS);
+            // The last of them may end after its time.
+            let most = SHARE + (AHEAD + (each * MS).mul_f64(IN_ALL)).as_secs_f64() / 30.0;
+            assert!(taken > 0.8 * SHARE && taken < most, "{each} ms: {taken}");
         }
     }
 
     #[test]
-    fn new_targets_run_ahead_and_services_go_at_once() {
+    fn a_handful_of_marks_runs_ahead_and_services_go_at_once() {
         let now = Instant::now();
         let mut budget = Budget::new(now);
         for _ in 0..8 {
-            assert_eq!(budget.wait(Cost::Start, now), Duration::ZERO);
-            budget.charge(60 * MS, now);
+            assert_eq!(budget.wait(Cost::Mark, now), Duration::ZERO);
+            budget.charge(60 * MS, 0, now);
         }
-        assert_eq!(budget.wait(Cost::Again, now), 16 * 380 * MS);
-        budget.charge(60 * MS, now);
-        assert_eq!(budget.wait(Cost::Start, now), 16 * 40 * MS);
+        // 8 x 240 ms, and one that was learned on the way.
+        budget.charge(120 * MS, 5, now);
+        assert_eq!(budget.wait(Cost::Mark, now), 16 * 40 * MS);
         assert_eq!([Cost::None, Cost::Restart].map(|cost| budget.wait(cost, now)), [Duration::ZERO; 2]);
-        assert_eq!(budget.wait(Cost::Again, now + 16 * 440 * MS), Duration::ZERO);
-        (0..9).for_each(|_| budget.charge(9000 * MS, now));
-        assert_eq!(budget.wait(Cost::Start, now), LONGEST);
+        assert_eq!(budget.wait(Cost::Mark, now + 16 * 40 * MS), Duration::ZERO);
+        (0..9).for_each(|_| budget.charge(9000 * MS, 0, now));
+        assert_eq!(budget.wait(Cost::Mark, now), LONGEST);
     }
 }

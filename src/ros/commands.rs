@@ -6,11 +6,11 @@ use std::time::Instant;
 
 use futures::StreamExt;
 use log::error;
-use ros2_client::Subscription;
+use ros2_client::{ReadError, Subscription};
 use serde::de::DeserializeOwned;
 use smol::channel::bounded;
 
-use super::convert::Mark;
+use super::convert::{Mark, Start};
 use super::endpoints::Endpoints;
 use super::fault::Fault;
 use super::inbox::Inbox;
@@ -19,6 +19,27 @@ use super::messages::{Detection2D, RegionOfInterest, Topic, TriggerRequest, Trig
 use super::part::Part;
 use super::queue::{Command, Replies};
 use super::service::Service;
+
+/// Bytes that the id of a target may have: it is in every message, and in lines of the log.
+const MOST_ID: usize = 256;
+
+/// Why a mark is not passed on.
+#[derive(Debug, thiserror::Error)]
+enum Refusal {
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    #[error("its id has {len} bytes, at most {MOST_ID} are taken")]
+    LongId { len: usize },
+}
+
+fn with_short_id(mark: Mark) -> Result<Mark, Refusal> {
+    match &mark {
+        Mark::Start(Start { id: Some(id), .. }) | Mark::Stop(Some(id)) if id.len() > MOST_ID => {
+            Err(Refusal::LongId { len: id.len() })
+        }
+        _ => Ok(mark),
+    }
+}
 
 type Trigger = Service<TriggerRequest, TriggerResponse>;
 
@@ -60,8 +81,9 @@ impl Commands {
         let mut marks = Box::pin(topic.async_stream());
         let mut throttle = Throttle::default();
         while let Some(mark) = marks.next().await {
+            let mark = mark.map_err(Refusal::from).and_then(|(mark, _)| with_short_id(Mark::from(&mark)));
             match mark {
-                Ok((mark, _)) => self.inbox.send(Command::Mark(Mark::from(&mark))),
+                Ok(mark) => self.inbox.send(Command::Mark(mark)),
                 Err(why) => {
                     if let Some(held) = throttle.pass(discriminant(&why), Instant::now()) {
                         error!("mark refused: {why}{}", held_back(held));

@@ -12,7 +12,7 @@ use super::graph::Watched;
 use super::image_qos::ImageQos;
 use super::messages::Topic;
 use super::names::Names;
-use super::service::Service;
+use super::service::{MOST_REQUESTS, Service};
 
 /// How many small messages are kept for a peer that lags.
 const DEPTH: usize = 10;
@@ -64,13 +64,13 @@ impl Endpoints {
     pub fn subscription<M: Topic>(&mut self, name: &str) -> Result<Subscription<M>, Fault> {
         let name = self.names.topic(name)?;
         let failed = |e: ros2_client::CreateError| Fault::system(format!("subscribe to {name}"), e);
-        let topic = self.node.create_topic(&name, M::type_name(), &reliable()).map_err(failed)?;
+        let topic = self.node.create_topic(&name, M::type_name(), &reliable(DEPTH)).map_err(failed)?;
         self.node.create_subscription(&topic, None).map_err(failed)
     }
 
     /// Writes small messages. A reader that is stuck never blocks the writer.
     pub fn publisher<M: Topic>(&mut self, name: &str) -> Result<Publisher<M>, Fault> {
-        self.writer(name, reliable())
+        self.writer(name, reliable(DEPTH))
     }
 
     /// Writes pictures to whoever looks, reliably to those who ask for it. As few are kept for them as can be, so that
@@ -108,13 +108,13 @@ impl Endpoints {
         let name = self.names.service(name)?;
         let server = self
             .node
-            .create_server(ServiceMapping::Enhanced, &name, kind, reliable(), reliable())
+            .create_server(ServiceMapping::Enhanced, &name, kind, reliable(MOST_REQUESTS), reliable(MOST_REQUESTS))
             .map_err(|e| Fault::system(format!("offer service {name}"), e))?;
         let replies = name.to_dds_name("rr", &self.dds_name, "Reply");
         Ok(Service { server, participant: self.context.domain_participant(), replies })
     }
 }
 
-fn reliable() -> QosProfile {
-    QosProfile::publisher_default().reliability_reliable(WhenFull::Fail).history(History::KeepLast { depth: DEPTH })
+fn reliable(depth: usize) -> QosProfile {
+    QosProfile::publisher_default().reliability_reliable(WhenFull::Fail).history(History::KeepLast { depth })
 }

@@ -38,7 +38,9 @@ static LOGGER: OnceLock<Logger> = OnceLock::new();
 static ENDING: AtomicBool = AtomicBool::new(false);
 static ROSOUT: RwLock<Option<NodeLoggingHandle>> = RwLock::new(None);
 /// When each line of other crates was last written, by where it stands.
-static FOREIGN: LazyLock<Mutex<Throttle<(String, Option<u32>)>>> = LazyLock::new(Mutex::default);
+static FOREIGN: LazyLock<Mutex<Throttle<Place>>> = LazyLock::new(Mutex::default);
+/// Module and line.
+type Place = (String, Option<u32>);
 
 /// Starts logging. Only the first call in a process has an effect.
 pub fn start(args: &Args, node: &NodeName) {

@@ -132,15 +132,26 @@ impl Threads {
         };
         let draw = feed.clone();
         supervisor.watch_library();
-        let done = |()| None;
         let mut handles = vec![
             supervisor.spawn("spin", spin)?,
-            supervisor.spawn("worker", move || done(worker.run()))?,
-            supervisor.spawn("debug", move || done(draw.run()))?,
-            supervisor.spawn("receive", move || done(receive.run()))?,
+            supervisor.spawn("worker", move || {
+                worker.run();
+                None
+            })?,
+            supervisor.spawn("debug", move || {
+                draw.run();
+                None
+            })?,
+            supervisor.spawn("receive", move || {
+                receive.run();
+                None
+            })?,
         ];
         if is_packed {
-            handles.push(supervisor.spawn("decode", move || done(decoder.run()))?);
+            handles.push(supervisor.spawn("decode", move || {
+                decoder.run();
+                None
+            })?);
         }
         Ok(Self { handles, inbox, feed, stats, node, open })
     }

@@ -146,9 +146,13 @@ impl ParameterServices {
         }
     }
 
-    /// Makes the changes. What takes long is done beside, while other requests are answered.
+    /// Makes the changes, in the order of the requests; but one that asks for another network waits until that is loaded,
+    /// while other requests are answered.
     async fn taken(&self, changes: Vec<raw::Parameter>) -> Result<(Arc<Settings>, Vec<Assignment>), ParamsError> {
         let changes: Vec<Assignment> = changes.into_iter().map(|p| self.assignment(p)).collect::<Result<_, _>>()?;
+        if !self.store.asks_for_network(&changes)? {
+            return self.store.change(&changes);
+        }
         let store = self.store.clone();
         let changes = smol::unblock(move || store.prepare(&changes).map(|()| changes)).await?;
         self.store.change(&changes)

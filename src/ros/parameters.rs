@@ -277,6 +277,13 @@ impl Store {
         Self { networks, ..self }
     }
 
+    /// Whether the changes ask for another network.
+    pub fn asks_for_network(&self, changes: &[Assignment]) -> Result<bool, ParamsError> {
+        let current = self.current();
+        let changed = current.with(changes, Phase::Running)?;
+        Ok(tracker::asks_for_network(&current.params, &changed.params))
+    }
+
     /// Checks changes, and loads the network that they ask for, which may take seconds. The changes can then be made at once.
     pub fn prepare(&self, changes: &[Assignment]) -> Result<(), ParamsError> {
         let current = self.current();

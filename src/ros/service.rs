@@ -17,8 +17,9 @@ const PATIENCE: Duration = Duration::from_millis(500);
 const INTERVAL: Duration = Duration::from_millis(5);
 /// From the discovery of a client to the moment when answers reach it.
 const SETTLING: Duration = Duration::from_millis(20);
-/// Requests that are worked on at the same time. More wait in the library, which keeps the newest 64.
-const MOST_REQUESTS: usize = 64;
+/// Requests that are worked on at the same time, that wait in the library, and answers that it keeps until they are
+/// received: a burst of so many gets all its answers.
+pub(super) const MOST_REQUESTS: usize = 64;
 
 /// A service offered by the node.
 pub struct Service<Q: Message, A: Message> {

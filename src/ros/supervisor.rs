@@ -2,7 +2,7 @@
 //! that does not come.
 //!
 //! The first reason to end (a signal, or a thread that came to its end by itself) is given to whoever waits for it, who
-//! then takes the node down in good order. What does not end so is ended: [`PATIENCE`] after that, or at a second
+//! then takes the node down in good order. What does not end so is ended: `PATIENCE` after that, or at a second
 //! signal. When memory grows past its limit, the process is ended at once, for who knows how fast it grows.
 //!
 //! The thread writes nothing and waits for no other, so that nothing that hangs can hold it up.
@@ -246,7 +246,7 @@ impl Supervisor {
         let _ = self.events.send(Event::Watched(threads));
     }
 
-    /// Waits until the node is to end. From then on it has [`PATIENCE`] to do so.
+    /// Waits until the node is to end. From then on it has `PATIENCE` to do so.
     pub fn wait(&self) -> Reason {
         self.reasons.recv().unwrap_or_else(|_| {
             Err(Fault::Thread { name: "supervisor".to_owned(), why: "it takes no more notice".to_owned() })

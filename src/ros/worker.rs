@@ -58,6 +58,7 @@ struct Memory {
 #[derive(PartialEq)]
 enum Line {
     Marked,
+    Restarted,
     Waits,
     Refused(Discriminant<StartError>),
     NoImage,
@@ -76,7 +77,7 @@ impl Worker {
             lost: Vec::new(),
             throttle: Throttle::default(),
         };
-        while let Some(work) = self.inbox.wait(|command| memory.budget.wait(self.cost(command), Instant::now())) {
+        while let Some(work) = self.inbox.wait(|command| memory.budget.wait(Self::cost(command), Instant::now())) {
             self.process(work, &mut memory);
         }
     }
@@ -131,28 +132,23 @@ impl Worker {
     }
 
     /// What the command asks of this thread.
-    fn cost(&self, command: &Command) -> Cost {
-        let targets = &self.session.output().targets;
-        let is_full = targets.len() >= self.session.params().general.max_targets as usize;
+    fn cost(command: &Command) -> Cost {
         match command {
             Command::Mark(Mark::Stop(_)) | Command::Stop(_) => Cost::None,
-            Command::Mark(Mark::Start(start)) => {
-                let is_known = targets.iter().any(|target| Some(&*target.id) == start.id.as_deref());
-                if is_known || is_full { Cost::Again } else { Cost::Start }
-            }
+            Command::Mark(Mark::Start(_)) => Cost::Mark,
             Command::Restart(_) => Cost::Restart,
         }
     }
 
     /// Does what was asked for; says whether a target was taken up.
     fn obey(&mut self, command: Command, memory: &mut Memory, trace: &mut dyn Trace) -> bool {
-        let cost = self.cost(&command);
+        let cost = Self::cost(&command);
         let began = Instant::now();
-        let has_started = match command {
+        let followed = match command {
             Command::Mark(Mark::Start(start)) => self.start(start, memory, trace),
             Command::Mark(Mark::Stop(None)) => {
                 self.stop(memory);
-                false
+                None
             }
             Command::Mark(Mark::Stop(Some(id))) => {
                 if self.session.stop_target(&id) {
@@ -160,35 +156,36 @@ impl Worker {
                 } else {
                     memory.say(Line::NoTarget, Level::Info, format!("no target {id} was followed"));
                 }
-                false
+                None
             }
             Command::Stop(replies) => {
                 let message = self.stop(memory);
                 answer(&replies, true, message);
-                false
+                None
             }
             Command::Restart(replies) => {
                 let result = self.restart(memory, trace);
                 let success = result.is_ok();
                 answer(&replies, success, &result.unwrap_or_else(|why| why));
-                success
+                success.then_some(0)
             }
         };
         if cost != Cost::None {
-            memory.budget.charge(began.elapsed(), Instant::now());
+            memory.budget.charge(began.elapsed(), followed.unwrap_or(0), Instant::now());
         }
-        has_started
+        followed.is_some()
     }
 
-    /// Takes up a target on the image that the mark names, and follows it up to the newest, unless the node is to end.
-    fn start(&mut self, start: Start, memory: &mut Memory, trace: &mut dyn Trace) -> bool {
+    /// Takes up a target on the image that the mark names, and follows it up to the newest, unless the node is to end. Gives
+    /// the number of images that it was followed through, if it was taken up.
+    fn start(&mut self, start: Start, memory: &mut Memory, trace: &mut dyn Trace) -> Option<usize> {
         let rect = start.rect;
         let named = match &memory.newest {
             Some(newest) => find(start.stamp, &self.inbox.kept(), newest),
             None => {
                 memory.say(Line::Waits, Level::Info, format!("mark {rect} waits for the first image"));
                 self.inbox.put_off(start);
-                return false;
+                return None;
             }
         };
         let images = match named {
@@ -196,11 +193,11 @@ impl Worker {
             Named::Ahead => {
                 memory.say(Line::Waits, Level::Info, format!("mark {rect} waits for its image"));
                 self.inbox.put_off(start);
-                return false;
+                return None;
             }
             Named::Unknown(why) => {
                 memory.say(Line::NoImage, Level::Error, format!("mark {rect} refused: {why}"));
-                return false;
+                return None;
             }
         };
         let frames: Vec<Frame> = images.iter().map(|image| image.frame()).collect();
@@ -213,11 +210,11 @@ impl Worker {
                     later => format!("target {id} marked: {rect}, {later} images ago"),
                 };
                 memory.say(Line::Marked, Level::Info, line);
-                !self.inbox.is_closed()
+                (!self.inbox.is_closed()).then_some(frames.len() - 1)
             }
             Err(why) => {
                 memory.say(Line::Refused(discriminant(&why)), Level::Error, format!("mark refused: {why}"));
-                false
+                None
             }
         }
     }
@@ -235,7 +232,7 @@ impl Worker {
         let output = self.session.restart(&frame.frame(), trace).map_err(|why| why.to_string())?;
         let boxes: Vec<_> = output.targets.iter().map(|target| target.rect.to_string()).collect();
         let message = format!("restarted: {}", boxes.join(", "));
-        memory.say(Line::Marked, Level::Info, message.clone());
+        memory.say(Line::Restarted, Level::Info, message.clone());
         Ok(message)
     }
 

@@ -9,10 +9,8 @@ use crate::frame::Stamp;
 
 /// How many intervals are remembered: those of a second of a usual camera.
 const REMEMBERED: usize = 30;
-/// So many must be known before they tell a period.
-const ENOUGH: usize = 4;
-/// So many must be known before their mean tells of bursts.
-const ENOUGH_FOR_MEAN: usize = 8;
+/// So many must be known before they tell a period: bursts may be that long.
+const ENOUGH: usize = 8;
 /// A longer gap, in periods, tells nothing of motion: the clock was set, or the target has to be searched for.
 const MAX_PERIODS: f64 = 30.0;
 /// The shortest that an interval may be, in lower quartiles.
@@ -94,7 +92,7 @@ impl Cadence {
     fn could_be_a_camera(&self, quartile: f64) -> bool {
         let count = self.known().count();
         let sum: f64 = self.known().map(|interval| interval.min(self.longest)).sum();
-        let is_even = count < ENOUGH_FOR_MEAN || sum <= LONGEST_MEAN * quartile * count as f64;
+        let is_even = sum <= LONGEST_MEAN * quartile * count as f64;
         count >= ENOUGH && is_even && self.known().all(|interval| interval >= SHORTEST * quartile)
     }
 
@@ -192,26 +190,25 @@ mod tests {
     fn the_period_is_what_intervals_are_whole_numbers_of() {
         // The lower quartile is 66, two periods: 99 is no whole number of it.
         let (periods, cadence) = counted(&repeated(&[66, 99, 66, 132], 3));
-        assert_eq!(periods[4..], [2.0, 3.0, 2.0, 4.0, 2.0, 3.0, 2.0, 4.0]);
+        assert_eq!(periods, [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 4.0, 2.0, 3.0, 2.0, 4.0]);
         assert!((cadence.period.unwrap() / MS as f64 - 33.0).abs() < 1e-9);
         // One of three periods, where none is of a single one.
         let (periods, _) = counted(&repeated(&[99, 132, 165], 4));
-        assert_eq!(periods[6..], [3.0, 4.0, 5.0, 3.0, 4.0, 5.0]);
-        // Of no period, once there are enough of them to tell.
+        assert_eq!(periods[7..], [4.0, 5.0, 3.0, 4.0, 5.0]);
+        // Of no period.
         let (periods, cadence) = counted(&[30, 43, 51, 30, 47, 64, 37, 44, 30, 52, 41, 30]);
-        assert!(periods[6..].iter().all(|&n| n == 1.0) && cadence.period.is_none(), "{periods:?}");
+        assert_eq!((periods, cadence.period), (vec![1.0; 12], None));
     }
 
     #[test]
     fn frames_in_bursts_count_as_one_each() {
         // The first ten, with the second gap: 8 x 8 + 2 x 134 = 332, above 4 x 8 x 10 = 320.
         let (periods, cadence) = counted(&repeated(&[8, 8, 8, 8, 134], 20));
-        assert_eq!(periods[4], 17.0, "nothing has told of bursts so far");
-        assert!(periods[5..].iter().all(|&n| n == 1.0), "{periods:?}");
+        assert!(periods.iter().all(|&n| n == 1.0), "{periods:?}");
         assert!((cadence.frame_rate() - 5.0 / 0.166).abs() < 1e-9);
         for burst in [vec![1, 65], vec![2, 2, 2, 2, 158], vec![0, 66], vec![0, 0, 0, 132]] {
             let (periods, cadence) = counted(&repeated(&burst, 20));
-            assert!(periods[ENOUGH..].iter().all(|&n| n == 1.0), "{burst:?}: {periods:?}");
+            assert!(periods.iter().all(|&n| n == 1.0), "{burst:?}: {periods:?}");
             let seconds = burst.iter().sum::<i64>() as f64 / 1e3;
             assert!((cadence.frame_rate() * seconds / burst.len() as f64 - 1.0).abs() < 0.1, "{burst:?}");
         }

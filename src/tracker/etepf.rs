@@ -217,14 +217,14 @@ impl Followed {
         }
     }
 
-    /// Stays where it is while nothing at all is to be seen: a plain picture tells no place from another.
+    /// Stays where it is while nothing at all is to be seen: a plain picture tells no place from another. It is not looked for
+    /// farther away then, either.
     fn wait(&mut self, view: &View, trace: &mut dyn Trace) {
         // One half of the tracker alone has no FIND.
         let finds = self.params.particles.method == EtepfMethod::Full;
         (self.state, self.reacquired) = (if finds { State::Lost } else { State::Uncertain }, false);
         self.lost_for = if finds { self.lost_for.saturating_add(1) } else { 0 };
         self.show(view, trace);
-        self.motion.missed(&self.params.modes);
         self.particles.gather(self.params.particles.count as usize, self.place);
         self.seen = self.evidence(view, &self.place);
     }

@@ -106,9 +106,14 @@ impl Lcmht {
     }
 }
 
+/// Whether changed parameters ask for another network.
+pub(super) fn asks_for_network(old: &Params, new: &Params) -> bool {
+    network_settings(old) != network_settings(new)
+}
+
 /// Loads the network that changed parameters ask for, if it is another than before.
 pub(super) fn check(networks: &Networks, old: &Params, new: &Params) -> Result<(), NetworkError> {
-    if network_settings(old) == network_settings(new) { Ok(()) } else { appearance::network(new, networks).map(drop) }
+    if asks_for_network(old, new) { appearance::network(new, networks).map(drop) } else { Ok(()) }
 }
 
 impl Tracker for Lcmht {

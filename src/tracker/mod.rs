@@ -58,6 +58,11 @@ pub fn build(params: &Params, networks: &Networks) -> Result<Box<dyn Tracker>, N
     }
 }
 
+/// Whether the changed parameters ask for another network.
+pub fn asks_for_network(old: &Params, new: &Params) -> bool {
+    new.general.algorithm == Algorithm::Lcmht && lcmht::asks_for_network(old, new)
+}
+
 /// Whether a tracker that has its network from `networks` could take over the changed parameters, or why a file that they
 /// name cannot be used. What has to be loaded for them is loaded here, and the tracker finds it there.
 pub fn check(networks: &Networks, old: &Params, new: &Params) -> Result<(), NetworkError> {

@@ -1,5 +1,7 @@
 //! Datagrams, signals and environments that a peer or an operator may bring.
 
+#![cfg(feature = "ros")]
+
 use std::net::UdpSocket;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -22,8 +24,8 @@ fn against_node(scenario: &str, args: &[&str]) {
     // The first in the domain, and so at the ports that the script knows.
     node.wait_for("waits for images");
     let (pid, number) = (node.id().to_string(), domain.to_string());
+    // The function sees that the node works; it need not say goodbye to all whom it believes to be there.
     peer(domain, scenario, &[&[pid.as_str(), number.as_str()], args].concat()).succeed(&node);
-    node.end();
 }
 
 #[test]
@@ -43,6 +45,15 @@ fn numbers_and_sizes_that_peers_claim_are_not_believed() {
 #[test]
 fn more_participants_than_any_robot_has_take_little_memory() {
     against_node("hostile", &["crowd"]);
+}
+
+#[test]
+fn announcements_that_cannot_be_read_hide_no_others() {
+    let domain = domain();
+    let node = Node::start(domain, &[]);
+    node.wait_for("waits for images");
+    peer(domain, "malformed", &[&domain.to_string()]).succeed(&node);
+    node.end();
 }
 
 #[test]
@@ -80,6 +91,12 @@ fn a_second_node_of_the_name_is_told() {
     node.wait_for("another node is named /tracker too");
     let log = node.end();
     assert_eq!(log.matches("is named /tracker too").count(), 1, "{log}");
+}
+
+/// What was announced out of order was lost to some, so that a node stayed unseen for as long as both lived.
+#[test]
+fn nodes_that_start_at_once_are_all_seen() {
+    peer(domain(), "started_together", &[env!("CARGO_BIN_EXE_tracker_node"), "5", "3"]).succeed_alone();
 }
 
 /// The node in an environment in which rcl would not start either: it ends at once, and the line says why.

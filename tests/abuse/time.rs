@@ -1,6 +1,7 @@
 //! Stamps that lie, stand still, jump or come in bursts: the same pictures are followed as well, however they are stamped.
 //! Where frames are truly skipped, stamps tell how far the target has come.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use long_term_tracker::decode::decode;
@@ -132,8 +133,11 @@ impl Clip {
     }
 }
 
-/// Stamps of frame `i` that are not those of a camera, by the name of what is wrong with them.
-const LIES: &[(&str, fn(i64) -> i64)] = &[
+/// The stamp of a frame, by its number.
+type Stamps = fn(i64) -> i64;
+
+/// Stamps that are not those of a camera, by the name of what is wrong with them.
+const LIES: &[(&str, Stamps)] = &[
     ("pairs 1 ms apart", |i| START + in_bursts(i, 2, MS)),
     ("pairs 16 ms apart", |i| START + in_bursts(i, 2, 16 * MS)),
     ("fives 12 ms apart", |i| START + in_bursts(i, 5, 12 * MS)),
@@ -210,14 +214,15 @@ const PAPERS_MAPTRACK: &str = "maptrack without a pattern";
 
 /// Follows the target by each plan, and says which are more than [`LESS`] worse than with even stamps, or tell of
 /// velocities that nothing has.
-fn worse<'a>(clip: &Clip, algorithm: &str, plans: impl Iterator<Item = (&'a str, Plan)>) -> Vec<String> {
+fn worse<S: Display>(clip: &Clip, algorithm: &str, plans: impl IntoIterator<Item = (S, Plan)>) -> Vec<String> {
     let params = params(algorithm);
     let even = clip.follow(&clip.even(), &params);
     let mut faults = Vec::new();
     for (kind, plan) in plans {
         let seen = clip.follow(&plan, &params);
         let fastest = seen.velocities.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
-        if seen.on_target < even.on_target - LESS || !(fastest < FASTEST) {
+        let sane = seen.velocities.iter().all(|v| v.abs() < FASTEST);
+        if seen.on_target < even.on_target - LESS || !sane {
             let Clip { name, .. } = clip;
             let (got, wanted) = (seen.on_target, even.on_target);
             faults.push(format!("{algorithm}, {name}, {kind}: {got:.0} % for {wanted:.0} %, up to {fastest:.0} px/s"));
@@ -259,16 +264,16 @@ fn maptrack_follows_as_well_whatever_the_stamps() {
 #[test]
 fn stamps_drawn_at_random_do_no_harm() {
     let clip = Clip::made();
-    for algorithm in ["lcmht", "etepf", "maptrack"] {
-        for seed in 0..2 {
-            let plans = drawn(&clip, seed);
-            none(worse(&clip, algorithm, plans.iter().map(|(kind, plan)| (kind.as_str(), plan.clone()))));
-        }
+    for (seed, algorithm) in ["lcmht", "etepf", "maptrack", PAPERS_MAPTRACK].into_iter().enumerate() {
+        none(worse(&clip, algorithm, drawn(&clip, seed as u64)));
     }
 }
 
-/// Ways to skip frames, by seed: which are kept.
-fn skips(seed: u64) -> Vec<(&'static str, Box<dyn FnMut(usize) -> bool>)> {
+/// Whether a frame is kept, by its number.
+type Keep = Box<dyn FnMut(usize) -> bool>;
+
+/// Ways to skip frames, by seed.
+fn skips(seed: u64) -> Vec<(&'static str, Keep)> {
     let [mut half, mut steps, mut gaps] = [1, 2, 3].map(|n| ChaCha8Rng::seed_from_u64(10 * n + seed));
     let (mut next, mut after_gap) = (0, 0);
     vec![
@@ -290,22 +295,21 @@ fn keep(i: usize, next: &mut usize, step: impl FnOnce() -> usize) -> bool {
     is_next
 }
 
-/// Without their stamps many of these are lost: see the count.
+/// Without their stamps the target would be lost behind some of the gaps.
 #[test]
 fn skipped_frames_are_told_by_their_stamps() {
     let (clip, params) = (Clip::made(), params("lcmht"));
-    let mut blind = 0;
-    for seed in 0..3 {
+    let mut blind = Vec::new();
+    for seed in 0..2 {
         for (kind, keep) in skips(seed) {
             let plan = clip.skipped(keep);
             let unstamped = plan.iter().map(|&(i, _)| (i, None)).collect();
-            let seen = clip.follow(&plan, &params);
-            eprintln!("{kind} {seed}: {} {}", seen.on_target, clip.follow(&unstamped, &params).on_target);
-            blind += usize::from(clip.follow(&unstamped, &params).on_target < 90.0);
-            assert!(seen.on_target > 95.0, "{kind}, {seed}: {:.0} %", seen.on_target);
+            let seen = clip.follow(&plan, &params).on_target;
+            assert!(seen > 95.0, "{kind}, {seed}: {seen:.0} %");
+            blind.push(clip.follow(&unstamped, &params).on_target);
         }
     }
-    eprintln!("{blind}");
+    assert!(blind.iter().any(|&on_target| on_target < 90.0), "{blind:?}");
 }
 
 /// Velocities come by the mean rate where stamps lie, by the period where frames are skipped.
@@ -318,24 +322,24 @@ fn velocities_are_those_of_the_target() {
         let within = |v: &f64| (0.5 * expected..2.0 * expected).contains(v);
         assert!(seen.velocities.iter().all(within), "{kind}: {:?} for {expected}", seen.velocities);
     };
-    for (kind, plan) in lies(&clip) {
+    let kinds =
+        ["pairs 1 ms apart", "fives 8 ms apart", "a stall each second", "a step of an hour", "each stamp twice"];
+    for (kind, plan) in lies(&clip).filter(|(kind, _)| kinds.contains(kind) || kind.starts_with("always")) {
         // Stamps that do not count time tell pixels an image.
         let expected = if kind.starts_with("always") { SPEED } else { truth };
         check(kind, plan, expected);
     }
     check("gaps", clip.skipped(|i| i % 9 < 6), truth);
-    check("none", clip.even().iter().map(|&(i, _)| (i, None)).collect(), SPEED);
+    check("no stamps", clip.even().iter().map(|&(i, _)| (i, None)).collect(), SPEED);
 }
 
 /// The beginnings of real sequences, long enough for each kind of stamps to do its harm.
 #[test]
 fn real_targets_are_followed_as_well_whatever_the_stamps() {
-    let kinds =
-        ["fives 8 ms apart", "fives 2 ms apart", "fives 12 ms apart", "a stall each second", "a step of an hour"];
-    for (name, frames) in [("Deer", 71), ("Skiing", 40), ("Couple", 60), ("Crossing", 50)] {
+    let kinds = ["fives 8 ms apart", "a stall each second", "a step of an hour"];
+    for (name, frames) in [("Deer", 50), ("Skiing", 40), ("Couple", 60), ("Crossing", 50)] {
         let Some(clip) = Clip::real(name, frames) else { return };
-        none(worse(&clip, "lcmht", lies(&clip).filter(|(kind, _)| kinds.contains(kind))));
-        let drawn = drawn(&clip, 5);
-        none(worse(&clip, "lcmht", drawn.iter().take(2).map(|(kind, plan)| (kind.as_str(), plan.clone()))));
+        let lies = lies(&clip).filter(|(kind, _)| kinds.contains(kind)).map(|(kind, plan)| (kind.to_owned(), plan));
+        none(worse(&clip, "lcmht", lies.chain(drawn(&clip, 5).into_iter().take(2))));
     }
 }

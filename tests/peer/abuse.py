@@ -9,6 +9,7 @@ from parameters import *  # noqa: F403
 from PIL import Image as Picture
 from peer import *  # noqa: F403
 from sensor_msgs.msg import CompressedImage
+from vision_msgs.msg import Detection2D
 
 
 def bombs(folder):
@@ -51,9 +52,12 @@ def nagging(seconds):
     peer = Peer()
     peer.connect()
     client = Client(peer)
+    detections = peer.node.create_publisher(Detection2D, "/tracker/init_detection", 10)
+    peer.spin_until(detections.get_subscription_count, "the topic of detections")
     end = time.monotonic() + float(seconds)
     for n in itertools.takewhile(lambda _: time.monotonic() < end, itertools.count()):
         client.set(integer("debug.max_side", 1), integer("debug.max_side", 100 + n % 2))
         peer.mark(10, 10, 0, 20)
+        detections.publish(Detection2D(id=100_000 * "x"))
     peer.step()
     peer.close()

@@ -7,14 +7,16 @@ import os
 import random
 import signal
 import struct
+import subprocess
 import sys
+import threading
 from pathlib import Path
 
 from peer import *  # noqa: F403
 from rcl_interfaces.srv import GetParameters
 from rtps import *  # noqa: F403
 from full_hd import resident
-from script import run
+from script import child, run
 
 IMAGE = "rt/image", "sensor_msgs::msg::dds_::Image_"
 TRACKS = "rt/tracker/tracks", "long_term_tracker::msg::dds_::TrackArray_"
@@ -298,6 +300,25 @@ def fuzz(node_pid, domain, seed, seconds):
     late_peer("late")
 
 
+def malformed(domain):
+    """Announcements that cannot be read, hundreds a second, hide none of those that come among them."""
+    stranger = matched(domain)
+    by, to = SEDP_PUBLICATIONS_WRITER, SEDP_PUBLICATIONS_READER
+    done = threading.Event()
+
+    def send():
+        while not done.wait(0.002):
+            stranger.send(data(to, by, stranger.next(by), b"\0\3\0\0" + parameter(0x05, text("rt/x"))))
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    try:
+        late_peer("late")
+    finally:
+        done.set()
+        sender.join()
+
+
 def clock(simulated):
     """`/clock` is subscribed to as the clock it is, and only while time is simulated."""
     from rosgraph_msgs.msg import Clock
@@ -369,6 +390,24 @@ def namesake(name):
     peer.spin_until(lambda: "/tracker" in peer.listed(), "the node is listed")
     peer.connect()
     peer.close()
+
+
+def started_together(path, count, rounds):
+    """Nodes that start at once are all seen by one that was there before."""
+    for turn in range(int(rounds)):
+        peer = Peer(name=f"watcher{turn}")
+        names = [f"eye{turn}_{n}" for n in range(int(count))]
+        nodes = [child([path, "--ros-args", "-r", f"__node:={name}"], stderr=subprocess.DEVNULL) for name in names]
+        try:
+            tracks = lambda: [name for name, _ in peer.node.get_topic_names_and_types() if name.endswith("/tracks")]
+            wanted = {f"/{name}" for name in names}
+            peer.spin_until(lambda: wanted <= set(peer.listed()), "all nodes are listed", 3 * DEADLINE)
+            peer.spin_until(lambda: {f"{name}/tracks" for name in wanted} <= set(tracks()), "all topics are listed")
+        finally:
+            for node in nodes:
+                node.kill()
+                node.wait()
+        peer.close()
 
 
 if __name__ == "__main__":

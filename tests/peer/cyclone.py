@@ -17,7 +17,7 @@ from scene import HEIGHT, WIDTH, Scene, box_of, iou
 from script import run
 
 # Seconds until something that must happen has to have happened, and after which an image is likely to have been lost.
-DEADLINE, AGAIN = 120.0, 5.0
+DEADLINE, AGAIN = 120.0, 30.0
 # On loopback only, where participants are looked for one by one as well, for it may not do multicast.
 CONFIGURATION = """<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo" multicast="true"/></Interfaces>
 </General><Discovery><Peers><Peer address="127.0.0.1"/></Peers><ParticipantIndex>auto</ParticipantIndex></Discovery>

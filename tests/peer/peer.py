@@ -20,7 +20,7 @@ from scene import *  # noqa: F403
 # Seconds until something that must happen has to have happened. It only ends what hangs: nothing is judged by it.
 DEADLINE = 120.0
 # Seconds without an answer after which it is likelier that an image was lost than that its answer is on the way.
-AGAIN = 5.0
+AGAIN = 30.0
 # Seconds of processor time that are spent to see how long they take.
 WORK = 0.1
 CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}

@@ -594,8 +594,8 @@ def first_track(times):
 
     def followed():
         nonlocal marks
-        # What is sent before all is matched may be lost.
-        if time.monotonic() >= begun + marks / 2:
+        # What is sent before all is matched may be lost. Each mark is work, which may wait for a long time: fewer and fewer.
+        if time.monotonic() >= begun + (2**marks - 1) / 2:
             peer.mark(*camera.box(0))
             marks += 1
         peer.images.publish(camera.message(0))

@@ -199,9 +199,9 @@ mod tests {
             (other("/b", "ffmpeg_image_transport_msgs/msg/FFMPEGPacket", "cdr"), "; coded video is not read"),
         ] {
             let there = format!("there are: {} ({} in {}, 3 messages)", topic.name, topic.kind, topic.format);
-            let message = chosen(&[topic.clone()], None).unwrap_err();
+            let message = chosen(std::slice::from_ref(&topic), None).unwrap_err();
             assert!(message.starts_with(&format!("a.mcap: no topic with images; {there}{reason}")), "{message}");
-            let message = chosen(&[topic.clone()], Some(&topic.name)).unwrap_err();
+            let message = chosen(std::slice::from_ref(&topic), Some(&topic.name)).unwrap_err();
             let holds =
                 format!("a.mcap: topic '{}' holds {} in {}; {there}{reason}", topic.name, topic.kind, topic.format);
             assert!(message.starts_with(&holds), "{message}");

@@ -20,7 +20,7 @@ use crate::params::{FilterKind, LcmhtCnn, LcmhtFilter, LcmhtParams};
 
 /// Conjugate-gradient steps of a masked filter on the first frame's sample, and on each altered look at it once that has come.
 pub(super) const FIRST_STEPS: usize = 12;
-pub(super) const LOOK_STEPS: usize = 3;
+pub(super) const LOOK_STEPS: usize = 6;
 
 /// What is learned of samples, and answers to them.
 pub(super) enum Filters {

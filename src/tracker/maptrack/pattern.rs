@@ -32,6 +32,8 @@ pub(super) struct Recognised {
     pub(super) state: State,
     /// How probable it is that the box overlaps the target by more than half.
     pub(super) confidence: f64,
+    /// Whether nothing at all was to be seen.
+    pub(super) blind: bool,
 }
 
 impl Pattern {
@@ -52,6 +54,7 @@ impl Pattern {
     /// Looks for the pattern around `rect`. What is certain is learned.
     pub(super) fn recognise(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> Recognised {
         self.appearance.look(frame, cropper, rect.centre(), rect.size(), 0.0);
+        let blind = self.appearance.is_blank();
         let Answer { centre, response } = self.appearance.best(|_| 1.0);
         let was_lost = self.confidence.state() == State::Lost;
         self.confidence.assess(response);
@@ -69,7 +72,7 @@ impl Pattern {
             self.learn(frame, cropper, &found);
         }
         self.appearance.learn_look(cropper);
-        Recognised { rect: found, state, confidence: self.confidence.reported(response) }
+        Recognised { rect: found, state, confidence: self.confidence.reported(response), blind }
     }
 
     fn learn(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect) {

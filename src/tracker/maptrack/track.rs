@@ -400,6 +400,9 @@ impl Track {
     }
 
     fn velocity(&self, view: &View) -> [f64; 2] {
+        if self.recognised.is_some_and(|recognised| recognised.blind) {
+            return [0.0; 2];
+        }
         view.velocity_to_frame(self.hidden.map_or(self.path.last().velocity, |hidden| hidden.from.velocity))
     }
 

@@ -38,7 +38,12 @@ fn a_network_is_a_regular_file_of_at_most_so_much() {
 fn lines_that_peers_cause_are_held_back() {
     const SECONDS: &str = "3.5";
     let log = scenario("nagging", &[SECONDS], &["--ros-args", "-p", "lcmht.cnn.enabled:=false"]);
-    for what in ["parameters refused: ", "mark refused: ", "parameter debug.max_side is now "] {
+    for what in [
+        "parameters refused: ",
+        "mark refused: box",
+        "mark refused: its id has 100000 bytes",
+        "parameter debug.max_side is now ",
+    ] {
         let lines: Vec<_> = log.lines().filter(|line| line.contains(what)).collect();
         let stamp = |line: &&str| line.split(['[', ']']).nth(3).and_then(|s| s.parse::<f64>().ok()).expect("a time");
         let all: Vec<f64> = lines.iter().map(stamp).collect();
