@@ -23,14 +23,13 @@ impl Projection {
         let count = map.cells() as f64;
         let mean: Vec<f64> =
             (0..inputs).map(|c| map.plane(c).iter().map(|&v| f64::from(v)).sum::<f64>() / count).collect();
-        // Of the symmetric matrix, the lower triangle is all that is looked at.
-        let covariance = DMatrix::from_fn(inputs, inputs, |i, j| {
-            if i < j {
-                return 0.0;
-            }
-            let sum: f64 = map.plane(i).iter().zip(map.plane(j)).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum();
-            sum / count - mean[i] * mean[j]
-        });
+        // A column is a channel without its mean.
+        let centred = DMatrix::from_iterator(
+            map.cells(),
+            inputs,
+            (0..inputs).flat_map(|c| map.plane(c).iter().map(move |&v| (c, v))).map(|(c, v)| f64::from(v) - mean[c]),
+        );
+        let covariance = centred.transpose() * &centred / count;
         let eigen = SymmetricEigen::new(covariance);
         let mut order: Vec<usize> = (0..inputs).collect();
         order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));

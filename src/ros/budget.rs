@@ -10,11 +10,11 @@
 use std::time::{Duration, Instant};
 
 /// Marks may take no more of the time than this.
-const SHARE: f64 = 1.0 / 16.0;
+const SHARE: f64 = 1.0 / 24.0;
 /// What a mark costs in all, in times of what it costs at once: altered looks at the target are learned over the next images.
 const IN_ALL: f64 = 4.0;
 /// How much time marks may take before its share has passed: that of a handful.
-const AHEAD: Duration = Duration::from_millis(2000);
+const AHEAD: Duration = Duration::from_millis(1500);
 
 /// No mark of a new target waits longer, even on a machine so slow or busy that marks take seconds.
 const LONGEST: Duration = Duration::from_secs(10);
@@ -97,15 +97,15 @@ mod tests {
     fn a_handful_of_marks_runs_ahead_and_services_go_at_once() {
         let now = Instant::now();
         let mut budget = Budget::new(now);
-        for _ in 0..8 {
+        for _ in 0..6 {
             assert_eq!(budget.wait(Cost::Mark, now), Duration::ZERO);
             budget.charge(60 * MS, 0, now);
         }
-        // 8 x 240 ms, and one that was learned on the way.
-        budget.charge(120 * MS, 5, now);
-        assert_eq!(budget.wait(Cost::Mark, now), 16 * 40 * MS);
+        // 6 x 240 ms, and one that was learned on the way.
+        budget.charge(100 * MS, 5, now);
+        assert_eq!(budget.wait(Cost::Mark, now), 24 * 40 * MS);
         assert_eq!([Cost::None, Cost::Restart].map(|cost| budget.wait(cost, now)), [Duration::ZERO; 2]);
-        assert_eq!(budget.wait(Cost::Mark, now + 16 * 40 * MS), Duration::ZERO);
+        assert_eq!(budget.wait(Cost::Mark, now + 24 * 40 * MS), Duration::ZERO);
         (0..9).for_each(|_| budget.charge(9000 * MS, 0, now));
         assert_eq!(budget.wait(Cost::Mark, now), LONGEST);
     }
