@@ -4,16 +4,16 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use long_term_tracker::appearance::layers::{Extractor, Feature, LayerSpec, Source};
 use long_term_tracker::crop::{Cropper, Patch};
 use long_term_tracker::dcf::fft::Fft2;
 use long_term_tracker::dcf::masked::{MaskedFilter, Settings};
 use long_term_tracker::dcf::sample::Sample;
 use long_term_tracker::dcf::window::{label, mask};
 use long_term_tracker::features::FeatureMap;
-use long_term_tracker::features::cnn::{self, Cnn};
 use long_term_tracker::features::colour_names;
 use long_term_tracker::features::hog::Hog;
-use long_term_tracker::features::layers::{Extractor, Feature, LayerSpec, Source};
+use long_term_tracker::loader::Request;
 use long_term_tracker::params::{Inference, Phase, Value};
 use long_term_tracker::{Encoding, Frame, Params, Rect, Session, State};
 use rand::{RngExt, SeedableRng};
@@ -89,8 +89,8 @@ fn filter(c: &mut Criterion) {
     let frame = frame(&data);
     let window = Rect::around(target(0).centre(), [226.0; 2]);
     let specs = [
-        LayerSpec { source: Source::Cells(vec![Feature::Hog]), components: Some(16), energy: Some(1.0) },
-        LayerSpec { source: Source::Cells(vec![Feature::ColourNames]), components: Some(10), energy: Some(0.5) },
+        LayerSpec::scaled(Source::Cells(vec![Feature::Hog]), Some(16), 1.0),
+        LayerSpec::scaled(Source::Cells(vec![Feature::ColourNames]), Some(10), 0.5),
     ];
     for cells in [32, 48] {
         let mut cropper = Cropper::default();
@@ -127,9 +127,9 @@ fn network(c: &mut Criterion) {
     let window = Rect::around(target(0).centre(), [226.0; 2]);
     for (name, inference) in [("builtin", Inference::Builtin), ("onnxruntime", Inference::OnnxRuntime)] {
         for side in [128, 192, 224] {
-            let settings =
-                cnn::Settings { side, inference, ..cnn::Settings::new(&Params::default().lcmht.cnn, u64::MAX) };
-            let Ok(mut cnn) = Cnn::load(settings) else { continue };
+            let mut request = Request::new(&Params::default().lcmht.cnn, u64::MAX);
+            (request.settings.side, request.inference) = (side, inference);
+            let Ok(mut cnn) = request.load() else { continue };
             let mut cropper = Cropper::default();
             c.bench_function(&format!("network/{name}/{side}"), |b| {
                 b.iter(|| cnn.compute(black_box(&frame), &window, &mut cropper))

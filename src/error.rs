@@ -16,8 +16,8 @@ pub enum FrameError {
     #[error("image of {width} x {height} is larger than {limit} on a side")]
     TooLarge { width: u32, height: u32, limit: u32 },
     /// The name of the encoding is not known.
-    #[error("encoding '{0}' is not supported; supported are {known}", known = crate::frame::Encoding::names().join(", "))]
-    Encoding(String),
+    #[error("encoding '{name}' is not supported; supported are {}", known.join(", "))]
+    Encoding { name: String, known: Vec<&'static str> },
     /// The sides are no multiples of what the encoding puts together.
     #[error("image of {width} x {height} cannot be {encoding}: its sides must be multiples of {columns} and {rows}")]
     Block { width: u32, height: u32, encoding: &'static str, columns: u32, rows: u32 },

@@ -6,11 +6,11 @@
 //! Image message | image file | bag
 //!   -> Frame            borrowed pixels, row step, encoding, stamp             frame
 //!   -> Session::step    commands (start, stop, retune) between frames          session
-//!      -> Tracker::step crop -> features -> window -> FFT -> response          crop, features, dcf
+//!      -> Tracker::step crop -> features -> window -> FFT -> response          crop, features, dcf, appearance
 //!                       -> peak -> confidence -> GM-PHD filter                 tracker, filter
 //!                       -> (lost: proposals -> GM-PHD -> verify)               detect, learn
-//!                       -> scale -> learn
-//!   -> Output           per target: id, state, box, velocity, confidence       tracker
+//!                       -> scale -> learn                                      appearance
+//!   -> Output           per target: id, state, box, velocity, confidence       output
 //!   -> publish | write a row or a bag | draw                                   ros, cli, record, draw
 //! ```
 //!
@@ -18,20 +18,28 @@
 //!
 //! # Rooms
 //!
+//! A room takes only from rooms that stand before it here, and no two files of the core take from each other;
+//! `tests/rooms.rs` holds that. Below [`loader`] nothing writes to a log, and nothing but [`params`] reads files.
+//!
 //! | room | what lives there |
 //! |---|---|
-//! | [`geometry`], [`frame`], [`error`] | boxes and the one convention for coordinates; images as they come in; errors |
-//! | [`crop`], [`features`] | search windows cut out and resampled; HOG, colour names, LUV, layers of them; features of pixels, colour histograms |
-//! | [`dcf`] | correlation filters: the paper's and the default one, response maps, scale |
-//! | [`filter`] | motion models, Kalman steps, the GM-PHD filter; the particle filter |
-//! | [`learn`], [`detect`] | the incremental support vector machine, AdaBoost; the detector that looks for a lost target, mean shift, background and blobs, the camera's motion |
-//! | [`tracker`] | the interface and one file a tracker; [`tracker::lcmht`], [`tracker::etepf`] and [`tracker::maptrack`] read as their papers |
-//! | [`session`], [`trace`] | one stream with one tracker; what a step shows of its inside |
+//! | [`geometry`], [`error`] | boxes and the one convention for coordinates; errors |
+//! | [`file`](mod@file) | files read as a whole |
+//! | [`frame`], [`crop`] | images as they come in; windows cut out and resampled |
+//! | [`dcf`] | signals of correlation filters: the paper's filter and the default one, response maps; of no features |
+//! | [`filter`], [`learn`] | motion models, Kalman steps, the GM-PHD filter, the particle filter; the incremental support vector machine, AdaBoost |
+//! | [`features`] | HOG, colour names, LUV; features of pixels, colour histograms |
+//! | [`network`] | convolutional networks, handed in as bytes |
+//! | [`trace`], [`output`] | what a step shows of its inside; what it says of the targets |
+//! | [`detect`] | the detector that looks for a lost target, mean shift, background and blobs, the camera's motion |
+//! | [`appearance`] | what a target looks like: layers of features, filters on them, scale, and what a response says |
 //! | [`params`] | the one table of parameters, and files of them |
-//! | [`messages`], [`decode`], [`file`](mod@file) | ROS messages as data; JPEG and PNG; files read as a whole |
-//! | [`replay`], [`record`] | frames from folders and bags; the bag that a run leaves |
-//! | [`eval`] | scores of this tracker and others, and the page that shows them |
-//! | [`cli`], [`draw`] | the offline commands; debug pictures |
+//! | [`tracker`] | the interface and one file a tracker; [`tracker::lcmht`], [`tracker::etepf`] and [`tracker::maptrack`] read as their papers |
+//! | [`session`] | one stream with one tracker |
+//! | [`loader`] | networks from their files, and what runs them |
+//! | [`decode`], [`messages`] | JPEG and PNG; ROS messages as data |
+//! | [`replay`], [`draw`], [`record`] | frames from folders and bags; debug pictures; the bag that a run leaves |
+//! | [`eval`], [`cli`] | scores of this tracker and others, and the page that shows them; the offline commands |
 //! | `ros` | the node (cargo feature `ros`, on by default) |
 //!
 //! Start reading at [`tracker::lcmht`], or at [`session`] for how it is driven.
@@ -50,6 +58,7 @@
 #[cfg(all(feature = "ros", not(feature = "humble")))]
 compile_error!("feature `ros` needs a distribution's: humble, jazzy, kilted or lyrical");
 
+pub mod appearance;
 pub mod cli;
 pub mod crop;
 pub mod dcf;
@@ -64,7 +73,10 @@ pub mod filter;
 pub mod frame;
 pub mod geometry;
 pub mod learn;
+pub mod loader;
 pub mod messages;
+pub mod network;
+pub mod output;
 pub mod params;
 pub mod record;
 pub mod replay;
@@ -77,7 +89,7 @@ pub mod tracker;
 pub use error::{FrameError, NetworkError, ParamsError, StartError};
 pub use frame::{Encoding, Frame};
 pub use geometry::Rect;
+pub use output::{Output, State, Target};
 pub use params::Params;
 pub use session::Session;
 pub use trace::Trace;
-pub use tracker::{Output, State, Target};

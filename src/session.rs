@@ -12,11 +12,11 @@ mod zoom;
 
 use std::sync::Arc;
 
-use crate::error::{NetworkError, StartError};
-use crate::features::cnn::Networks;
+use crate::error::StartError;
 use crate::features::contrast::{LEAST_CONTRAST, contrast};
 use crate::frame::Frame;
 use crate::geometry::Rect;
+use crate::network::{SharedCnn, locked};
 use crate::params::Params;
 use crate::trace::Trace;
 use crate::tracker::{self, Output, Tracker};
@@ -26,7 +26,7 @@ use zoom::{Zoom, factors, stretched};
 /// A tracker with the targets it was given and the rhythm of its frames.
 pub struct Session {
     params: Params,
-    networks: Networks,
+    network: Option<SharedCnn>,
     tracker: Box<dyn Tracker>,
     /// Of the targets that are followed, in the order of their starts; when the last has been stopped, of those that
     /// were stopped with it.
@@ -53,13 +53,12 @@ struct Mark {
 }
 
 impl Session {
-    /// A session that waits for a mark or, where the tracker finds targets by itself, for frames; or why a file that the
-    /// parameters name cannot be used.
-    pub fn new(params: Params) -> Result<Self, NetworkError> {
-        let networks = Networks::default();
-        Ok(Self {
-            tracker: tracker::build(&params, &networks)?,
-            networks,
+    /// A session that waits for a mark or, where the tracker finds targets by itself, for frames. `network` is what the
+    /// parameters ask for, loaded (see [`loader`](crate::loader)); without it, the layers of a network are left out.
+    pub fn with_network(params: Params, network: Option<SharedCnn>) -> Self {
+        Self {
+            tracker: tracker::build(&params, network.clone()),
+            network,
             params,
             marks: Vec::new(),
             stopped: false,
@@ -68,7 +67,7 @@ impl Session {
             zoom: Zoom::new([1; 2]),
             output: Output::default(),
             next_id: 0,
-        })
+        }
     }
 
     /// The parameters in force.
@@ -76,10 +75,16 @@ impl Session {
         &self.params
     }
 
-    /// Where the tracker has its network from: one that was loaded there, by [`tracker::check`], costs no time when
-    /// [`retune`](Self::retune) asks for it.
-    pub fn networks(&self) -> Networks {
-        self.networks.clone()
+    /// The network that the parameters in force ask for, as it was handed in.
+    pub fn network(&self) -> Option<SharedCnn> {
+        self.network.clone()
+    }
+
+    /// Why the last run of the network failed, if it did: nothing answers to what such a run leaves, so that targets may be
+    /// lost by it.
+    pub fn network_failure(&self) -> Option<String> {
+        let network = locked(self.network.as_ref()?);
+        network.failure().map(|why| format!("network {}: {why}", network.name()))
     }
 
     /// Whether frames are tracked: a target is being followed, or targets are being looked for.
@@ -176,12 +181,12 @@ impl Session {
         is_known
     }
 
-    /// Takes over changed parameters from the next frame on; what is fixed stays as it was. Parameters that name a file
-    /// that cannot be used are refused, and nothing changes. Targets beyond a smaller `max_targets` are kept.
-    pub fn retune(&mut self, params: Params) -> Result<(), NetworkError> {
-        self.tracker.retune(&params)?;
-        self.params = params;
-        Ok(())
+    /// Takes over changed parameters from the next frame on, with the network that they ask for: that of
+    /// [`network`](Self::network) if they ask for no other. What is fixed stays as it was. Targets beyond a smaller
+    /// `max_targets` are kept.
+    pub fn retune(&mut self, params: Params, network: Option<SharedCnn>) {
+        self.tracker.retune(&params, network.clone());
+        (self.params, self.network) = (params, network);
     }
 
     /// Follows the targets into the next frame. Without a target the output is empty and nothing is computed, unless the

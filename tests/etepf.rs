@@ -253,7 +253,7 @@ fn a_target_is_held_while_parameters_change() {
     for n in 1..50 {
         if let Some((name, value)) = changes.get(n / 4).filter(|_| n % 4 == 0) {
             let changed = session.params().with([(*name, value)], Phase::Running).unwrap();
-            session.retune(changed).unwrap();
+            session.retune(changed, None);
         }
         let said = step(&mut session, &rgb(&scene(n)));
         assert!(said.rect.iou(&target(n)) > 0.4, "frame {n}: {}", said.rect);
@@ -269,7 +269,7 @@ fn another_number_of_classifiers_takes_effect_at_once() {
     let mut peak = |n: usize, classifiers: i64| {
         let wanted = Value::Integer(classifiers);
         let changed = session.params().with([("etepf.ensemble.classifiers", &wanted)], Phase::Running).unwrap();
-        session.retune(changed).unwrap();
+        session.retune(changed, None);
         let mut seen = Seen::default();
         session.step(&rgb(&scene(n)), &mut seen);
         seen.peak
@@ -318,7 +318,7 @@ fn what_is_learned_anew_is_measured_by_itself() {
         }
         if n == 15 {
             let narrow = session.params().with([("etepf.features.radius", &Value::Integer(0))], Phase::Running);
-            session.retune(narrow.unwrap()).unwrap();
+            session.retune(narrow.unwrap(), None);
         }
         let said = step(&mut session, &frame);
         if n == 14 {
@@ -351,7 +351,7 @@ fn no_value_that_a_parameter_may_have_breaks_a_track() {
         session.start(&rgb(&scenes[0]), target(0), &mut ()).unwrap();
         for n in 1..scenes.len() {
             match n {
-                3 => session.retune(session.params().with([(name, &value)], Phase::Running).unwrap()).unwrap(),
+                3 => session.retune(session.params().with([(name, &value)], Phase::Running).unwrap(), None),
                 8 => _ = session.start(&rgb(&scenes[7]), target(7), &mut ()).unwrap(),
                 _ => (),
             }

@@ -259,7 +259,7 @@ fn every_parameter_may_change_while_targets_are_followed() {
         let frame = picture(n, &[(way(n), RED)]);
         if let Some((name, value)) = changes.get(n / 8).filter(|_| n % 8 == 7) {
             let changed = session.params().with([(*name, value)], Phase::Running).unwrap();
-            session.retune(changed).unwrap();
+            session.retune(changed, None);
         }
         session.step(&rgb(&frame), &mut ());
         assert!(session.output().targets.iter().all(|t| t.rect.is_finite() && (0.0..=1.0).contains(&t.confidence)));

@@ -5,12 +5,14 @@ mod onnx;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
 
 use long_term_tracker::crop::Cropper;
 use long_term_tracker::features::FeatureMap;
-use long_term_tracker::features::cnn::{Cnn, Networks, Settings};
+use long_term_tracker::loader::{Loaded, Request};
+use long_term_tracker::network::NetworkSettings;
 use long_term_tracker::params::{Inference, Phase, Value};
-use long_term_tracker::{Encoding, Frame, NetworkError, Params, Rect, Session, tracker};
+use long_term_tracker::{Encoding, Frame, NetworkError, Params, Rect, Session};
 use onnx::{Convolution, network};
 
 /// Rows and columns of the input.
@@ -41,23 +43,25 @@ fn two_layers() -> Vec<Convolution> {
     vec![convolution("near", 2, 3, 4), convolution("far", 2, 4, 5)]
 }
 
-fn settings(file: Option<&Path>, outputs: &[&str]) -> Settings {
-    Settings {
+fn request(file: Option<&Path>, outputs: &[&str]) -> Request {
+    Request {
         file: file.map(Path::to_owned),
         most: u64::MAX,
-        side: SIDE,
-        mean: [127.0, 100.0, 90.0],
-        scale: [128.0, 64.0, 32.0],
-        bgr: false,
-        outputs: outputs.iter().map(|&name| name.to_owned()).collect(),
         inference: Inference::Builtin,
         library: None,
-        threads: 1,
+        settings: NetworkSettings {
+            side: SIDE,
+            mean: [127.0, 100.0, 90.0],
+            scale: [128.0, 64.0, 32.0],
+            bgr: false,
+            outputs: outputs.iter().map(|&name| name.to_owned()).collect(),
+            threads: 1,
+        },
     }
 }
 
-fn maps(settings: Settings, frame: &Frame) -> Vec<FeatureMap> {
-    let mut cnn = Cnn::load(settings).unwrap();
+fn maps(request: &Request, frame: &Frame) -> Vec<FeatureMap> {
+    let mut cnn = request.load().unwrap();
     cnn.compute(frame, &frame.bounds(), &mut Cropper::default());
     cnn.maps().to_vec()
 }
@@ -107,16 +111,18 @@ fn maps_are_what_the_network_computes_of_the_normalised_window() {
     let data = pixels(SIDE, SIDE);
     for (encoding, bgr) in [(Encoding::Rgb8, false), (Encoding::Rgb8, true), (Encoding::Bgr8, false)] {
         let frame = Frame::new(&data, SIDE as u32, SIDE as u32, 3 * SIDE, encoding, None).unwrap();
-        let settings = Settings { bgr, ..settings(Some(&path), &["far", "near"]) };
+        let mut request = request(Some(&path), &["far", "near"]);
+        request.settings.bgr = bgr;
+        let NetworkSettings { mean, scale, .. } = request.settings;
         let mut image = vec![0.0; 3 * SIDE * SIDE];
         for (i, value) in image.iter_mut().enumerate() {
             let (channel, y, x) = (i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE);
             let colour = frame.rgb(x, y)[if bgr { 2 - channel } else { channel }];
-            *value = (f32::from(colour) - settings.mean[channel]) / settings.scale[channel];
+            *value = (f32::from(colour) - mean[channel]) / scale[channel];
         }
         let near = convolve(&image, SIDE, &layers[0]);
         let far = convolve(&near, SIDE / 2, &layers[1]);
-        let got = maps(settings, &frame);
+        let got = maps(&request, &frame);
         assert_eq!(got.iter().map(|m| [m.channels, m.rows, m.cols]).collect::<Vec<_>>(), [[5, 8, 8], [4, 16, 16]]);
         assert_close(&got[0].data, &far);
         assert_close(&got[1].data, &near);
@@ -130,16 +136,17 @@ fn frames_without_colour_are_grey() {
     let side = SIDE as u32;
     let grey = Frame::new(&grey, side, side, SIDE, Encoding::Mono8, None).unwrap();
     let colour = Frame::new(&colour, side, side, 3 * SIDE, Encoding::Rgb8, None).unwrap();
-    let embedded = || settings(None, &["block4", "block10"]);
-    assert_eq!(maps(embedded(), &grey), maps(embedded(), &colour));
+    let embedded = request(None, &["block4", "block10"]);
+    assert_eq!(maps(&embedded, &grey), maps(&embedded, &colour));
 }
 
 #[test]
 fn the_embedded_network_has_the_strides_and_channels_it_is_said_to_have() {
     let data = pixels(64, 64);
     let frame = Frame::new(&data, 64, 64, 192, Encoding::Rgb8, None).unwrap();
-    let settings = Settings { side: 128, ..settings(None, &["block4", "block10"]) };
-    let shapes: Vec<_> = maps(settings, &frame).iter().map(|m| [m.channels, m.rows, m.cols]).collect();
+    let mut request = request(None, &["block4", "block10"]);
+    request.settings.side = 128;
+    let shapes: Vec<_> = maps(&request, &frame).iter().map(|m| [m.channels, m.rows, m.cols]).collect();
     assert_eq!(shapes, [[40, 16, 16], [112, 8, 8]]);
 }
 
@@ -168,19 +175,19 @@ fn a_network_that_cannot_be_used_is_refused_with_its_name_and_what_was_expected(
     ];
     for (name, bytes, why) in cases {
         let path = file(&folder, name, &bytes);
-        let said = refusal(settings(Some(&path), &["far"]));
+        let said = refusal(&request(Some(&path), &["far"]));
         assert!(said.contains(why) && said.contains(&path.display().to_string()), "{name}: {said}");
         assert_eq!(said.lines().count(), 1, "{said}");
     }
     let path = file(&folder, "good.onnx", &good());
-    let said = refusal(settings(Some(&path), &["far", "fat"]));
+    let said = refusal(&request(Some(&path), &["far", "fat"]));
     assert!(said.ends_with("has no output 'fat', expected one of near, far"), "{said}");
-    let said = refusal(settings(Some(Path::new("/no/such.onnx")), &["far"]));
+    let said = refusal(&request(Some(Path::new("/no/such.onnx")), &["far"]));
     assert!(said.starts_with("network /no/such.onnx cannot be read"), "{said}");
 }
 
-fn refusal(settings: Settings) -> String {
-    Cnn::load(settings).err().expect("a refusal").to_string()
+fn refusal(request: &Request) -> String {
+    request.load().err().expect("a refusal").to_string()
 }
 
 /// The parameters with these changed.
@@ -204,7 +211,7 @@ fn a_change_to_a_bad_file_is_refused_and_the_track_goes_on() {
     for session in [&mut steady, &mut disturbed] {
         session.start(&frame, Rect::new(60.0, 40.0, 30.0, 40.0), &mut ()).unwrap();
     }
-    let refused = disturbed.retune(network("/no/such.onnx"));
+    let refused = Loaded::new(&network("/no/such.onnx"));
     assert!(matches!(refused, Err(NetworkError::Unreadable { .. })), "{refused:?}");
     assert_eq!(disturbed.params().lcmht.cnn.file, "");
     for _ in 0..3 {
@@ -237,7 +244,8 @@ fn the_network_can_be_switched_while_a_target_is_followed() {
         with(true, path.to_str().unwrap(), ["near", "far"]),
         with(false, "", ["block4", "block10"]),
     ] {
-        session.retune(change).unwrap();
+        let network = Loaded::new(&change).unwrap().network();
+        session.retune(change, network);
         for _ in 0..2 {
             assert!(session.step(&frame, &mut ()).targets[0].rect.iou(&rect) > 0.8);
         }
@@ -245,7 +253,7 @@ fn the_network_can_be_switched_while_a_target_is_followed() {
 }
 
 #[test]
-fn a_change_that_leaves_the_network_alone_does_not_load_it_again() {
+fn a_change_that_leaves_the_network_alone_is_suited_by_the_one_there_is() {
     let folder = tempfile::tempdir().unwrap();
     let path = file(&folder, "two.onnx", &network(&[1, 3, 0, 0], &two_layers()));
     let with = |share: f64, outputs: [&str; 2]| {
@@ -257,14 +265,12 @@ fn a_change_that_leaves_the_network_alone_does_not_load_it_again() {
             ("lcmht.cnn.share", Value::Double(share)),
         ])
     };
-    let loaded = with(0.2, ["near", "far"]);
-    let mut session = Session::new(loaded.clone()).unwrap();
-    std::fs::remove_file(&path).unwrap();
-    let shared = with(0.5, ["near", "far"]);
-    tracker::check(&Networks::default(), &loaded, &shared).unwrap();
-    session.retune(shared).unwrap();
+    let loaded = Loaded::new(&with(0.2, ["near", "far"])).unwrap();
+    assert!(loaded.suits(&with(0.5, ["near", "far"])));
     // What makes another network of it is tried.
-    let other = tracker::check(&Networks::default(), &loaded, &with(0.2, ["far", "near"]));
+    assert!(!loaded.suits(&with(0.2, ["far", "near"])));
+    std::fs::remove_file(&path).unwrap();
+    let other = Loaded::new(&with(0.2, ["far", "near"]));
     assert!(matches!(other, Err(NetworkError::Unreadable { .. })), "{other:?}");
 }
 
@@ -287,14 +293,13 @@ fn a_network_that_was_loaded_beside_is_taken_over_without_loading_it_again() {
     let mut session = Session::new(first.clone()).unwrap();
     let rect = Rect::new(60.0, 40.0, 30.0, 40.0);
     session.start(&frame, rect, &mut ()).unwrap();
-    let networks = session.networks();
-    std::thread::scope(|scope| scope.spawn(|| tracker::check(&networks, &first, &then)).join().unwrap()).unwrap();
+    let loaded = std::thread::scope(|scope| scope.spawn(|| Loaded::new(&then)).join().unwrap()).unwrap();
     std::fs::remove_file(&path).unwrap();
-    session.retune(then).unwrap();
+    session.retune(then, loaded.network());
+    assert!(Arc::ptr_eq(&session.network().unwrap(), &loaded.network().unwrap()));
     for _ in 0..3 {
         assert!(session.step(&frame, &mut ()).targets[0].rect.iou(&rect) > 0.8);
     }
-    assert!(session.retune(with(["near", "near"])).is_err(), "which nobody has loaded");
 }
 
 /// The offline command ends with one line that names the file, and not with success.

@@ -13,7 +13,8 @@ use std::sync::LazyLock;
 
 use long_term_tracker::crop::Cropper;
 use long_term_tracker::features::FeatureMap;
-use long_term_tracker::features::cnn::{Cnn, Settings};
+use long_term_tracker::loader::Request;
+use long_term_tracker::network::NetworkSettings;
 use long_term_tracker::params::{Inference, NodeName, Phase, Value, file};
 use long_term_tracker::{Encoding, Frame, Params, Rect, Session};
 use onnx::{Convolution, network};
@@ -31,18 +32,20 @@ static VGG: LazyLock<PathBuf> = LazyLock::new(|| {
 
 const BACK_ENDS: [Inference; 2] = [Inference::Builtin, Inference::OnnxRuntime];
 
-fn settings(file: Option<&Path>, side: usize, outputs: &[&str], inference: Inference) -> Settings {
-    Settings {
+fn request(file: Option<&Path>, side: usize, outputs: &[&str], inference: Inference) -> Request {
+    Request {
         file: file.map(Path::to_owned),
         most: u64::MAX,
-        side,
-        mean: [127.0; 3],
-        scale: [128.0; 3],
-        bgr: false,
-        outputs: outputs.iter().map(|&name| name.to_owned()).collect(),
         inference,
         library: Some(LIBRARY.clone()),
-        threads: 1,
+        settings: NetworkSettings {
+            side,
+            mean: [127.0; 3],
+            scale: [128.0; 3],
+            bgr: false,
+            outputs: outputs.iter().map(|&name| name.to_owned()).collect(),
+            threads: 1,
+        },
     }
 }
 
@@ -65,10 +68,10 @@ fn scene(width: usize, height: usize, moved: usize) -> Vec<u8> {
     data
 }
 
-fn maps(settings: Settings) -> Vec<FeatureMap> {
+fn maps(request: &Request) -> Vec<FeatureMap> {
     let data = scene(160, 120, 0);
     let frame = Frame::new(&data, 160, 120, 480, Encoding::Rgb8, None).unwrap();
-    let mut cnn = Cnn::load(settings).unwrap();
+    let mut cnn = request.load().unwrap();
     cnn.compute(&frame, &Rect::new(20.0, 10.0, 100.0, 100.0), &mut Cropper::default());
     cnn.maps().to_vec()
 }
@@ -78,7 +81,7 @@ fn both_give_the_same_features() {
     let cases: [(Option<&Path>, usize, &[&str]); 2] =
         [(None, 128, &["block4", "block10"]), (Some(&VGG), 96, &["conv4_4", "conv5_4"])];
     for (file, side, outputs) in cases {
-        let [built_in, by_runtime] = BACK_ENDS.map(|inference| maps(settings(file, side, outputs, inference)));
+        let [built_in, by_runtime] = BACK_ENDS.map(|inference| maps(&request(file, side, outputs, inference)));
         for (a, b) in built_in.iter().zip(&by_runtime) {
             assert_eq!([a.rows, a.cols, a.channels], [b.rows, b.cols, b.channels]);
             let size = (a.data.iter().map(|v| v * v).sum::<f32>() / a.data.len() as f32).sqrt();
@@ -107,7 +110,7 @@ fn both_refuse_the_same_networks() {
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
         for inference in BACK_ENDS {
-            let said = Cnn::load(settings(Some(&path), 32, &["a"], inference)).err().expect("a refusal").to_string();
+            let said = request(Some(&path), 32, &["a"], inference).load().err().expect("a refusal").to_string();
             assert!(said.contains(why) && said.contains(name), "{inference:?}: {said}");
             assert_eq!(said.lines().count(), 1, "{said}");
         }
@@ -118,15 +121,15 @@ fn both_refuse_the_same_networks() {
 fn a_library_that_is_named_and_is_none_is_an_error() {
     let library = Some(PathBuf::from("/no/such/libonnxruntime.so"));
     for inference in [Inference::Auto, Inference::OnnxRuntime] {
-        let settings = Settings { library: library.clone(), ..settings(None, 64, &["block4"], inference) };
-        let said = Cnn::load(settings).err().expect("a refusal").to_string();
+        let request = Request { library: library.clone(), ..request(None, 64, &["block4"], inference) };
+        let said = request.load().err().expect("a refusal").to_string();
         assert!(
             said.starts_with("ONNX Runtime cannot be used") && said.contains("/no/such/libonnxruntime.so"),
             "{said}"
         );
     }
-    let unasked = Settings { library, ..settings(None, 64, &["block4"], Inference::Builtin) };
-    assert!(Cnn::load(unasked).is_ok());
+    let unasked = Request { library, ..request(None, 64, &["block4"], Inference::Builtin) };
+    assert!(unasked.load().is_ok());
 }
 
 /// The preset `paper` with a network of VGG-19's architecture. Its weights are random, so that the features tell little of

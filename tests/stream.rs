@@ -73,7 +73,7 @@ impl Trace for Window {
 
 fn set(session: &mut Session, name: &str, value: Value) {
     let changed = session.params().with([(name, &value)], Phase::Running).unwrap();
-    session.retune(changed).unwrap();
+    session.retune(changed, session.network());
 }
 
 #[test]

@@ -14,6 +14,7 @@ use super::{Error, params, progress, rows, tell};
 use crate::draw::{self, Scene};
 use crate::frame::Frame;
 use crate::geometry::Rect;
+use crate::loader::FailureLog;
 use crate::params::{Algorithm, Assignment, assignment};
 use crate::record::Recorder;
 use crate::replay::{self, FrameSource, truth};
@@ -96,6 +97,7 @@ pub fn run(args: &Args) -> Result<(), Error> {
     let begun = Instant::now();
     let mut next = first;
     let mut frames = 0;
+    let mut failures = FailureLog::default();
     while let Some(buffer) = next {
         let frame = buffer.frame().with_levels(session.params().levels.range());
         if frames > 0 {
@@ -103,6 +105,7 @@ pub fn run(args: &Args) -> Result<(), Error> {
             watch.0.begin();
             session.step(&frame, &mut watch);
             processing = watch.0.end();
+            failures.watch(&session);
         }
         frames += 1;
         // Nobody may read the rows any more, but what else was asked for is made to its end.

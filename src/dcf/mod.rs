@@ -1,4 +1,4 @@
-//! Discriminative correlation filters.
+//! Discriminative correlation filters: signals alone, whatever features they are of.
 //!
 //! | file | what it holds |
 //! |---|---|
@@ -8,12 +8,10 @@
 //! | `kernelised.rs` | the paper's filter: a ridge regression a layer, solved in closed form (eqs 1 to 9) |
 //! | `masked.rs` | the default filter: confined to the target, trained on a memory of samples |
 //! | `response.rs` | peaks of response maps |
-//! | `scale.rs` | the one-dimensional scale filter |
 
 pub mod fft;
 pub mod kernelised;
 pub mod masked;
 pub mod response;
 pub mod sample;
-pub mod scale;
 pub mod window;

@@ -12,6 +12,7 @@ use super::answer::Answer;
 use super::dataset::Sequence;
 use crate::error::{NetworkError, StartError};
 use crate::geometry::Rect;
+use crate::loader::FailureLog;
 use crate::params::Params;
 use crate::replay::{self, ReplayError};
 use crate::session::Session;
@@ -95,6 +96,7 @@ pub fn run(
     let mut session = Session::new(start.params(&setup.params))?;
     let mut answers = Vec::with_capacity(sequence.truth.len());
     let mut time = Duration::ZERO;
+    let mut failures = FailureLog::default();
     while answers.len() < limit.min(sequence.truth.len()) {
         let Some(buffer) = source.next_frame()? else { break };
         let frame = buffer.frame();
@@ -105,6 +107,7 @@ pub fn run(
             session.step(&frame, &mut ());
         }
         time += now(clock).saturating_sub(begun);
+        failures.watch(&session);
         answers.push(Answer::of(session.output()));
         on_frame();
     }

@@ -5,20 +5,16 @@
 //! | `hog.rs` | Felzenszwalb's histogram of oriented gradients | 31 |
 //! | `colour_names.rs` | colour names of van de Weijer et al. | 11 |
 //! | `luv.rs` | CIE LUV, and the normalised gradient magnitude | 3 and 1 |
-//! | `cnn/` | outputs of a convolutional network | as the network has |
-//! | `layers.rs` | layers of these, from a frame to the spectra that filters work on | all of them |
 //! | `pca.rs` | projection of channels on to their principal components | as asked |
 //! | `resize.rs` | bilinear resampling of a map to another grid | as they are |
 //! | `pixelwise.rs` | of each pixel: gradients of its neighbourhood, and its colour | 8 and 3 |
 //! | `contrast.rs` | of a picture: whether it shows anything to follow | |
 //! | `colour_histogram.rs` | of a box: histogram of HSV colours | 110 bins |
 
-pub mod cnn;
 pub mod colour_histogram;
 pub mod colour_names;
 pub mod contrast;
 pub mod hog;
-pub mod layers;
 pub mod luv;
 pub mod pca;
 pub mod pixelwise;

@@ -62,7 +62,7 @@ impl Encoding {
     /// The encoding of that name; values of two bytes have the high one first where `is_bigendian`.
     pub fn parse(name: &str, is_bigendian: bool) -> Result<Self, FrameError> {
         let found = NAMES.iter().find(|(_, names)| names.contains(&name));
-        match found.ok_or_else(|| FrameError::Encoding(name.to_owned()))?.0 {
+        match found.ok_or_else(|| FrameError::Encoding { name: name.to_owned(), known: Self::names() })?.0 {
             Mono16 if is_bigendian => Ok(Mono16Be),
             encoding => Ok(encoding),
         }

@@ -128,6 +128,11 @@ impl<'a> Frame<'a> {
         Rect::new(0.0, 0.0, f64::from(self.width()), f64::from(self.height()))
     }
 
+    /// The point of the image that is nearest to `point`.
+    pub fn nearest(&self, point: [f64; 2]) -> [f64; 2] {
+        [point[0].clamp(0.0, f64::from(self.width())), point[1].clamp(0.0, f64::from(self.height()))]
+    }
+
     /// Checks that a target of this box can be followed from this frame on.
     pub fn check_target(&self, rect: &Rect) -> Result<(), StartError> {
         if !rect.is_finite() {

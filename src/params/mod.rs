@@ -10,6 +10,7 @@ mod etepf;
 mod lcmht;
 mod maptrack;
 mod markdown;
+mod node_name;
 mod rcl;
 mod schema;
 mod table;
@@ -22,11 +23,12 @@ pub use etepf::*;
 pub use lcmht::*;
 pub use maptrack::*;
 pub use markdown::markdown;
+pub use node_name::NodeName;
 pub use rcl::{Origin, Override, Overrides, Place};
 pub use schema::*;
 use table::Group;
 pub use value::{Descriptor, Kind, Range, Value};
-pub use yaml::{Assignment, NodeName, assignment, file, preset};
+pub use yaml::{Assignment, assignment, file, preset};
 
 use crate::error::ParamsError;
 

@@ -12,17 +12,27 @@ use super::convert::{Mark, Received, Start};
 use super::history::History;
 use super::queue::{Command, Queue};
 use crate::frame::Stamp;
+use crate::network::SharedCnn;
 use crate::params::Params;
 
 /// What the worker takes at a time.
 #[derive(Debug, Default)]
 pub struct Work {
     /// Parameters that hold from now on.
-    pub params: Option<Box<Params>>,
+    pub params: Option<Box<Tuning>>,
     /// What is to be done with them, if anything.
     pub task: Option<Task>,
     /// How many marks were made void by later ones since the last time.
     pub superseded: u64,
+}
+
+/// A set of parameters, and the network that it asks for.
+#[derive(Debug)]
+pub struct Tuning {
+    /// The parameters.
+    pub params: Params,
+    /// The network, loaded.
+    pub network: Option<SharedCnn>,
 }
 
 /// One thing to do.
@@ -38,7 +48,7 @@ pub enum Task {
 struct State {
     frame: Option<Arc<Received>>,
     skipped: u32,
-    params: Option<Box<Params>>,
+    params: Option<Box<Tuning>>,
     commands: Queue,
     /// Whether a command was due beside the last image that was taken: it goes before the next.
     owed: bool,
@@ -114,10 +124,10 @@ impl Inbox {
     }
 
     /// Puts these parameters in force, from the next image on at the latest. Only the newest set counts, for each is whole.
-    pub fn retune(&self, params: Params) {
+    pub fn retune(&self, params: Params, network: Option<SharedCnn>) {
         let mut state = self.lock();
         limit(&mut state, &params);
-        state.params = Some(Box::new(params));
+        state.params = Some(Box::new(Tuning { params, network }));
         self.changed.notify_one();
     }
 
@@ -219,13 +229,13 @@ mod tests {
         for side in [100, 101, 102] {
             let mut params = Params::default();
             params.debug.max_side = side;
-            inbox.retune(params);
+            inbox.retune(params, None);
         }
         inbox.put(frame(1));
         let work = inbox.wait(NOW).unwrap();
-        assert_eq!(work.params.unwrap().debug.max_side, 102);
+        assert_eq!(work.params.unwrap().params.debug.max_side, 102);
         assert!(matches!(work.task, Some(Task::Image(..))));
-        inbox.retune(Params::default());
+        inbox.retune(Params::default(), None);
         assert!(inbox.wait(NOW).unwrap().task.is_none());
     }
 

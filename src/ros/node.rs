@@ -28,6 +28,7 @@ use super::receive::{Receive, Source};
 use super::stats::Stats;
 use super::supervisor::Supervisor;
 use super::worker::Worker;
+use crate::loader::Loaded;
 use crate::params::{ImageTransport, NodeName};
 use crate::session::Session;
 
@@ -51,10 +52,10 @@ pub fn run(args: Args) -> Result<(), Fault> {
         ImageTransport::Raw => image_topic,
         ImageTransport::Compressed => names.transported("image", "compressed")?,
     };
-    let session = Session::new(settings.params.clone())?;
+    let loaded = Loaded::new(&settings.params)?;
     let name = names.node().full();
     let endpoints = Endpoints::new(environment.context()?, names)?;
-    let threads = Threads::start(endpoints, &source_topic, session, settings, &supervisor)?;
+    let threads = Threads::start(endpoints, &source_topic, settings, loaded, &supervisor)?;
     info!("{name} waits for images on {source_topic}");
     let reason = supervisor.wait();
     if let Err(fault) = &reason {
@@ -79,8 +80,8 @@ impl Threads {
     fn start(
         mut endpoints: Endpoints,
         topic: &Name,
-        session: Session,
         settings: Settings,
+        loaded: Loaded,
         supervisor: &Supervisor,
     ) -> Result<Self, Fault> {
         let (inbox, stats) = (Arc::new(Inbox::new(&settings.params)), Arc::new(Stats::default()));
@@ -105,7 +106,8 @@ impl Threads {
             stats: stats.clone(),
             end: closed.clone(),
         };
-        let store = Arc::new(Store::new(settings).with_networks(session.networks()));
+        let session = Session::with_network(settings.params.clone(), loaded.network());
+        let store = Arc::new(Store::new(settings, loaded));
         let tracks = endpoints.publisher("~/tracks")?;
         let detections = endpoints.publisher("~/detections")?;
         let views = (View::new(&mut endpoints, "~/debug/image")?, View::new(&mut endpoints, "~/debug/response")?);

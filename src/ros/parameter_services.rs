@@ -23,7 +23,7 @@ use super::endpoints::Endpoints;
 use super::fault::Fault;
 use super::inbox::Inbox;
 use super::logging::{Throttle, held_back};
-use super::parameters::{Settings, Store};
+use super::parameters::{Change, Settings, Store};
 use super::part::Part;
 use super::service::Service;
 use crate::error::ParamsError;
@@ -130,11 +130,11 @@ impl ParameterServices {
         self.answer(taken)
     }
 
-    fn answer(&self, taken: Result<(Arc<Settings>, Vec<Assignment>), ParamsError>) -> raw::SetParametersResult {
+    fn answer(&self, taken: Result<Change, ParamsError>) -> raw::SetParametersResult {
         match taken {
-            Ok((settings, different)) => {
+            Ok(Change { settings, network, different }) => {
                 if !different.is_empty() {
-                    self.inbox.retune(settings.params.clone());
+                    self.inbox.retune(settings.params.clone(), network);
                     self.publish(different);
                 }
                 raw::SetParametersResult { successful: true, reason: String::new() }
@@ -148,14 +148,17 @@ impl ParameterServices {
 
     /// Makes the changes, in the order of the requests; but one that asks for another network waits until that is loaded,
     /// while other requests are answered.
-    async fn taken(&self, changes: Vec<raw::Parameter>) -> Result<(Arc<Settings>, Vec<Assignment>), ParamsError> {
+    async fn taken(&self, changes: Vec<raw::Parameter>) -> Result<Change, ParamsError> {
         let changes: Vec<Assignment> = changes.into_iter().map(|p| self.assignment(p)).collect::<Result<_, _>>()?;
-        if !self.store.asks_for_network(&changes)? {
-            return self.store.change(&changes);
+        let changes: Arc<[Assignment]> = changes.into();
+        let mut prepared = None;
+        loop {
+            if let Some(change) = self.store.change(&changes, prepared)? {
+                return Ok(change);
+            }
+            let (store, changes) = (self.store.clone(), changes.clone());
+            prepared = Some(smol::unblock(move || store.prepare(&changes)).await?);
         }
-        let store = self.store.clone();
-        let changes = smol::unblock(move || store.prepare(&changes).map(|()| changes)).await?;
-        self.store.change(&changes)
     }
 
     fn assignment(&self, parameter: raw::Parameter) -> Result<Assignment, ParamsError> {

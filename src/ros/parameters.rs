@@ -1,7 +1,7 @@
 //! The parameters in force: the package's one table and the few that every ROS node has.
 
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use log::warn;
 
@@ -9,9 +9,9 @@ use super::args::Source;
 use super::fault::Fault;
 use super::image_qos::ImageQos;
 use crate::error::ParamsError;
-use crate::features::cnn::Networks;
+use crate::loader::Loaded;
+use crate::network::SharedCnn;
 use crate::params::{self, Assignment, Kind, NodeName, Origin, Override, Overrides, Params, Phase, Range, Value};
-use crate::tracker;
 
 /// Names below which every node accepts parameters that concern only some of its topics.
 const QOS_OVERRIDES: &str = "qos_overrides.";
@@ -261,56 +261,67 @@ impl NodeParameter {
 
 /// The set in force, shared by the threads: whoever reads it gets one whole set.
 #[derive(Debug)]
-pub struct Store {
-    settings: Mutex<Arc<Settings>>,
-    networks: Networks,
+pub struct Store(Mutex<InForce>);
+
+#[derive(Debug)]
+struct InForce {
+    settings: Arc<Settings>,
+    /// The network that they ask for.
+    loaded: Loaded,
+}
+
+/// A change that was made.
+#[derive(Debug)]
+pub struct Change {
+    /// The new set.
+    pub settings: Arc<Settings>,
+    /// The network that it asks for.
+    pub network: Option<SharedCnn>,
+    /// What differs from the set before.
+    pub different: Vec<Assignment>,
 }
 
 impl Store {
-    /// Puts a set in force.
-    pub fn new(settings: Settings) -> Self {
-        Self { settings: Mutex::new(Arc::new(settings)), networks: Networks::default() }
-    }
-
-    /// Loads networks where the tracker has its own from.
-    pub fn with_networks(self, networks: Networks) -> Self {
-        Self { networks, ..self }
-    }
-
-    /// Whether the changes ask for another network.
-    pub fn asks_for_network(&self, changes: &[Assignment]) -> Result<bool, ParamsError> {
-        let current = self.current();
-        let changed = current.with(changes, Phase::Running)?;
-        Ok(tracker::asks_for_network(&current.params, &changed.params))
-    }
-
-    /// Checks changes, and loads the network that they ask for, which may take seconds. The changes can then be made at once.
-    pub fn prepare(&self, changes: &[Assignment]) -> Result<(), ParamsError> {
-        let current = self.current();
-        let changed = current.with(changes, Phase::Running)?;
-        Ok(tracker::check(&self.networks, &current.params, &changed.params)?)
+    /// Puts a set in force, with the network that it asks for.
+    pub fn new(settings: Settings, loaded: Loaded) -> Self {
+        Self(Mutex::new(InForce { settings: Arc::new(settings), loaded }))
     }
 
     /// The set in force.
     pub fn current(&self) -> Arc<Settings> {
-        self.settings.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.lock().settings.clone()
     }
 
-    /// Makes the changes as a whole, or none of them. Gives the new set and the changes that made a difference.
-    pub fn change(&self, changes: &[Assignment]) -> Result<(Arc<Settings>, Vec<Assignment>), ParamsError> {
-        let mut current = self.settings.lock().unwrap_or_else(PoisonError::into_inner);
-        let changed = Arc::new(current.with(changes, Phase::Running)?);
-        tracker::check(&self.networks, &current.params, &changed.params)?;
+    /// Checks changes, and loads the network that they ask for, which may take seconds: nobody waits for it meanwhile.
+    pub fn prepare(&self, changes: &[Assignment]) -> Result<Loaded, ParamsError> {
+        let changed = self.current().with(changes, Phase::Running)?;
+        Ok(Loaded::new(&changed.params)?)
+    }
+
+    /// Makes the changes as a whole, or none of them. `None` where the new set asks for another network than that in force and
+    /// than what was `prepared`: then it is to be prepared, and changed, once more.
+    pub fn change(&self, changes: &[Assignment], prepared: Option<Loaded>) -> Result<Option<Change>, ParamsError> {
+        let mut current = self.lock();
+        let settings = Arc::new(current.settings.with(changes, Phase::Running)?);
+        let candidates = [Some(current.loaded.clone()), prepared];
+        let Some(loaded) = candidates.into_iter().flatten().find(|loaded| loaded.suits(&settings.params)) else {
+            return Ok(None);
+        };
         let mut different: Vec<Assignment> = Vec::new();
         for (name, _) in changes {
-            if let Some(value) = changed.get(name).filter(|v| current.get(name).as_ref() != Some(v))
+            if let Some(value) = settings.get(name).filter(|v| current.settings.get(name).as_ref() != Some(v))
                 && !different.iter().any(|(n, _)| n == name)
             {
                 different.push((name.clone(), value));
             }
         }
-        *current = changed.clone();
-        Ok((changed, different))
+        let network = loaded.network();
+        *current = InForce { settings: settings.clone(), loaded };
+        Ok(Some(Change { settings, network, different }))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, InForce> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -422,14 +433,38 @@ mod tests {
 
     #[test]
     fn a_change_is_made_as_a_whole_and_told_once() {
-        let store = Store::new(settings());
+        let store = Store::new(without_network(), Loaded::default());
         let good = row("debug.max_side", Value::Integer(100));
         let bad = row("debug.jpeg_quality", Value::Integer(0));
-        assert!(store.change(&[good.clone(), bad]).is_err());
+        assert!(store.change(&[good.clone(), bad], None).is_err());
         assert_ne!(store.current().params.debug.max_side, 100);
-        let (_, told) = store.change(&[good.clone(), good.clone()]).unwrap();
-        assert_eq!(told, std::slice::from_ref(&good));
-        let (_, told) = store.change(&[good]).unwrap();
-        assert!(told.is_empty(), "nothing changed");
+        let change = |changes: &[Assignment]| store.change(changes, None).unwrap().unwrap().different;
+        assert_eq!(change(&[good.clone(), good.clone()]), std::slice::from_ref(&good));
+        assert!(change(&[good]).is_empty(), "nothing changed");
+    }
+
+    fn without_network() -> Settings {
+        let changes =
+            [row("lcmht.cnn.enabled", Value::Bool(false)), row("lcmht.cnn.inference", Value::String("builtin".into()))];
+        settings().with(&changes, Phase::StartUp).unwrap()
+    }
+
+    #[test]
+    fn a_change_of_network_waits_until_it_is_loaded_and_hands_that_very_one_on() {
+        let store = Store::new(without_network(), Loaded::default());
+        let on = [row("lcmht.cnn.enabled", Value::Bool(true))];
+        assert!(store.change(&on, None).unwrap().is_none(), "nothing is loaded under the lock");
+        assert!(!store.current().params.lcmht.cnn.enabled);
+        let prepared = store.prepare(&on).unwrap();
+        // Somebody else was faster, and asks for another one.
+        store.change(&[row("lcmht.cnn.side", Value::Integer(128))], None).unwrap().unwrap();
+        assert!(store.change(&on, Some(prepared)).unwrap().is_none(), "it has another side");
+        let prepared = store.prepare(&on).unwrap();
+        let network = prepared.network().unwrap();
+        let change = store.change(&on, Some(prepared)).unwrap().unwrap();
+        assert!(Arc::ptr_eq(&network, &change.network.unwrap()));
+        // What leaves it alone keeps it.
+        let change = store.change(&[row("lcmht.cnn.share", Value::Double(0.5))], None).unwrap().unwrap();
+        assert!(Arc::ptr_eq(&network, &change.network.unwrap()));
     }
 }

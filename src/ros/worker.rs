@@ -5,7 +5,7 @@ use std::mem::{Discriminant, discriminant};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use log::{Level, debug, error, info, log};
+use log::{Level, debug, info, log};
 use ros2_client::Publisher;
 use ros2_client::builtin_interfaces::Time;
 
@@ -20,7 +20,7 @@ use super::queue::{Command, answer};
 use super::stats::{Stats, count};
 use crate::error::StartError;
 use crate::frame::Frame;
-use crate::params::Params;
+use crate::loader::FailureLog;
 use crate::session::Session;
 use crate::trace::Trace;
 use crate::tracker::State;
@@ -52,6 +52,7 @@ struct Memory {
     /// The targets that the log was last told are lost.
     lost: Vec<Arc<str>>,
     throttle: Throttle<Line>,
+    failures: FailureLog,
 }
 
 /// Kinds of lines that peers can cause, each of which is written at most once a second.
@@ -76,6 +77,7 @@ impl Worker {
             budget: Budget::new(Instant::now()),
             lost: Vec::new(),
             throttle: Throttle::default(),
+            failures: FailureLog::default(),
         };
         while let Some(work) = self.inbox.wait(|command| memory.budget.wait(Self::cost(command), Instant::now())) {
             self.process(work, &mut memory);
@@ -85,8 +87,8 @@ impl Worker {
     fn process(&mut self, work: Work, memory: &mut Memory) {
         let Work { params, task, superseded } = work;
         count(&self.stats.superseded, superseded);
-        if let Some(params) = params {
-            self.retune(*params);
+        if let Some(tuning) = params {
+            self.session.retune(tuning.params, tuning.network);
         }
         let Some(task) = task else { return };
         if let Task::Image(frame, skipped) = &task {
@@ -109,6 +111,7 @@ impl Worker {
             }
             Task::Command(command) => self.obey(command, memory, trace),
         };
+        memory.failures.watch(&self.session);
         let Some(newest) = newest.filter(|_| has_changed) else {
             if let Some(scene) = scene {
                 self.debug.keep(scene);
@@ -122,12 +125,6 @@ impl Worker {
             let params = self.session.params();
             let (levels, debug) = (params.levels.range(), params.debug.clone());
             self.debug.submit(Job { frame: newest, output, scene, levels, debug });
-        }
-    }
-
-    fn retune(&mut self, params: Params) {
-        if let Err(why) = self.session.retune(params) {
-            error!("parameters refused: {why}");
         }
     }
 

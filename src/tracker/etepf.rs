@@ -34,10 +34,10 @@ use std::sync::Arc;
 use super::targets::{self, Targets};
 use super::{NewId, Output, State, Target, Tracker};
 use crate::crop::Cropper;
-use crate::error::NetworkError;
 use crate::filter::particles::Particles;
 use crate::frame::Frame;
 use crate::geometry::Rect;
+use crate::network::SharedCnn;
 use crate::params::{EtepfMethod, EtepfParams, Params};
 use crate::trace::{Stage, Trace};
 use appearance::{Appearance, Evidence};
@@ -134,10 +134,9 @@ impl Tracker for Etepf {
         self.targets.report(output);
     }
 
-    fn retune(&mut self, params: &Params) -> Result<(), NetworkError> {
+    fn retune(&mut self, params: &Params, _: Option<SharedCnn>) {
         self.params = params.etepf.clone();
         self.targets.iter_mut().for_each(|target| target.retune(&self.params));
-        Ok(())
     }
 }
 

@@ -11,39 +11,30 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `lcmht/appearance.rs` | the layers, and the response of the filters to them (eqs 1 to 9) |
-//! | `lcmht/filters.rs` | the correlation filters that answer together |
-//! | `lcmht/augment.rs` | altered looks at the first frame's target, which the filters learn as well |
+//! | `lcmht/settings.rs` | what the parameters make of the parts |
 //! | `lcmht/motion.rs` | the motion model and the GM-PHD filter (eqs 17 to 24) |
 //! | `lcmht/neighbours.rs` | what looks like the target, so that it is not taken for it |
 //! | `lcmht/turn.rs` | how far the picture is turned that the target is looked for in |
-//! | `lcmht/confidence.rs` | the states, from the response |
+//! | `appearance/` | the layers, the response of the filters to them (eqs 1 to 9), and the states that follow from it |
 //! | `detect/online.rs` | the support vector machine (eqs 10 to 16) |
 
-pub(super) mod appearance;
-mod augment;
-pub(super) mod confidence;
-mod filters;
 mod motion;
 mod neighbours;
+mod settings;
 mod turn;
 
 use std::sync::Arc;
 
 use super::targets::{self, Targets};
 use super::{NewId, Output, State, Target, Tracker};
+use crate::appearance::{Answer, Appearance};
 use crate::crop::Cropper;
-use crate::dcf::scale::ScaleFilter;
-use crate::detect::online::{self, Detector};
-use crate::error::NetworkError;
-use crate::features::cnn::{self, Networks, SharedCnn};
+use crate::detect::online::Detector;
 use crate::frame::Frame;
 use crate::geometry::{Rect, distance};
-use crate::learn::svm::SvmParams;
-use crate::params::{LcmhtParams, LcmhtScale, LcmhtSvm, Params};
+use crate::network::SharedCnn;
+use crate::params::{LcmhtParams, Params};
 use crate::trace::{Proposal, Stage, Trace};
-use appearance::{Answer, Appearance, network_settings};
-use confidence::Confidence;
 use motion::Motion;
 use neighbours::{LEAST_FIT, Neighbours};
 use turn::Turn;
@@ -60,7 +51,6 @@ pub struct Lcmht {
     params: LcmhtParams,
     seed: u64,
     cropper: Cropper,
-    networks: Networks,
     /// The network, if its layers are wanted.
     cnn: Option<SharedCnn>,
     targets: Targets<Followed>,
@@ -74,10 +64,8 @@ struct Followed {
     /// Whether the last frame had colour.
     colour: bool,
     appearance: Appearance,
-    scale: ScaleFilter,
     motion: Motion,
     neighbours: Neighbours,
-    confidence: Confidence,
     detector: Detector,
     proposals: Vec<Proposal>,
     response: f64,
@@ -93,27 +81,16 @@ struct Followed {
 }
 
 impl Lcmht {
-    /// A tracker that waits for a mark. It has its network from `networks`.
-    pub fn new(params: &Params, networks: &Networks) -> Result<Self, NetworkError> {
-        Ok(Self {
+    /// A tracker that waits for a mark. Without a network, layers of one are left out.
+    pub fn new(params: &Params, network: Option<SharedCnn>) -> Self {
+        Self {
             params: params.lcmht.clone(),
             seed: params.general.seed.unsigned_abs(),
             cropper: Cropper::default(),
-            cnn: appearance::network(params, networks)?,
-            networks: networks.clone(),
+            cnn: network,
             targets: Targets::default(),
-        })
+        }
     }
-}
-
-/// Whether changed parameters ask for another network.
-pub(super) fn asks_for_network(old: &Params, new: &Params) -> bool {
-    network_settings(old) != network_settings(new)
-}
-
-/// Loads the network that changed parameters ask for, if it is another than before.
-pub(super) fn check(networks: &Networks, old: &Params, new: &Params) -> Result<(), NetworkError> {
-    if asks_for_network(old, new) { appearance::network(new, networks).map(drop) } else { Ok(()) }
 }
 
 impl Tracker for Lcmht {
@@ -144,7 +121,7 @@ impl Tracker for Lcmht {
         let mut remade = false;
         for target in targets.iter_mut() {
             target.step(frame, cropper, dt, trace);
-            if !remade && target.params != *params && target.confidence.state() == State::Tracking {
+            if !remade && target.params != *params && target.appearance.state() == State::Tracking {
                 remade = true;
                 target.remake(params, cnn.clone(), *seed, frame, cropper);
             }
@@ -155,14 +132,10 @@ impl Tracker for Lcmht {
         self.targets.report(output);
     }
 
-    fn retune(&mut self, params: &Params) -> Result<(), NetworkError> {
-        let loaded_by = self.cnn.as_ref().map(|cnn| cnn::locked(cnn).settings().clone());
-        if loaded_by != network_settings(params) {
-            self.cnn = appearance::network(params, &self.networks)?;
-        }
+    fn retune(&mut self, params: &Params, network: Option<SharedCnn>) {
+        self.cnn = network;
         self.params = params.lcmht.clone();
         self.targets.iter_mut().for_each(|target| target.retune(&self.params, self.cnn.as_ref()));
-        Ok(())
     }
 }
 
@@ -176,9 +149,9 @@ impl targets::Followed for Followed {
             id: self.id.clone(),
             rect: self.rect,
             velocity: if self.blind { [0.0; 2] } else { self.motion.velocity() },
-            confidence: self.confidence.reported(self.judged) as f32,
+            confidence: self.appearance.confidence.reported(self.judged) as f32,
             response: self.response as f32,
-            state: self.confidence.state(),
+            state: self.appearance.state(),
             reacquired: self.reacquired,
             age: self.age,
             lost_for: self.lost_for,
@@ -196,18 +169,15 @@ impl Followed {
         cropper: &mut Cropper,
         rect: Rect,
     ) -> Self {
-        let (appearance, response) = Appearance::new(params, cnn, frame, cropper, &rect);
-        let scale = scale_filter(params, frame, cropper, &rect);
+        let (appearance, response) = Appearance::new(&settings::appearance(params), cnn, frame, cropper, &rect);
         let detector = detector(params, seed, frame, cropper, &rect);
         Self {
             id,
             rect,
             colour: frame.encoding().is_colour(),
             appearance,
-            scale,
             motion: Motion::new(&params.motion, &params.phd, &rect, frame.bounds().area()),
             neighbours: Neighbours::new(&params.neighbours),
-            confidence: Confidence::new(&params.confidence, response),
             detector,
             proposals: Vec::new(),
             response,
@@ -225,15 +195,15 @@ impl Followed {
     /// Follows the target into the next frame: Algorithm 1.
     fn step(&mut self, frame: &Frame, cropper: &mut Cropper, dt: f64, trace: &mut dyn Trace) {
         self.age = self.age.saturating_add(1);
-        let was_lost = self.confidence.state() == State::Lost;
+        let was_lost = self.appearance.state() == State::Lost;
 
         trace.stage(Stage::Features);
         let (expected, dt) = self.look(frame, cropper, dt);
         self.motion.predict(dt);
         trace.prediction(Rect::around(expected, self.rect.size()));
-        self.blind = self.appearance.is_blank();
+        self.blind = self.appearance.correlator.is_blank();
         self.look_turned(frame, cropper);
-        self.appearance.show(trace);
+        self.appearance.correlator.show(trace);
 
         trace.stage(Stage::Localise);
         self.neighbours.predict(dt);
@@ -241,11 +211,11 @@ impl Followed {
         let colour = frame.encoding().is_colour();
         if !self.blind && colour != std::mem::replace(&mut self.colour, colour) {
             // Without colour the filter answers less to the same target.
-            self.confidence.rebase(answer.response);
+            self.appearance.confidence.rebase(answer.response);
         }
         self.judged = answer.response * self.opinion(&answer, frame, cropper);
-        if self.confidence.assess(self.judged) == State::Tracking {
-            self.turn.settle(self.appearance.turn());
+        if self.appearance.confidence.assess(self.judged) == State::Tracking {
+            self.turn.settle(self.appearance.correlator.turn());
         }
         self.watch_neighbours(&answer, frame, cropper);
         self.neighbours.show(self.rect.size(), trace);
@@ -256,23 +226,23 @@ impl Followed {
         }
         let steady = distance(before, self.rect.centre()) <= self.params.scale.max_step * self.rect.scale() * dt;
 
-        if self.confidence.state() == State::Lost {
+        if self.appearance.state() == State::Lost {
             trace.stage(Stage::Redetect);
             if let Some(found) = self.reacquire(answer, frame, cropper, trace) {
-                self.confidence.found();
+                self.appearance.confidence.found();
                 answer = found;
                 self.judged = found.response;
                 self.rect = Rect::around(found.centre, self.rect.size());
             }
         }
         self.response = answer.response;
-        let tracking = self.confidence.state() == State::Tracking;
+        let tracking = self.appearance.state() == State::Tracking;
         self.reacquired = was_lost && tracking;
-        self.lost_for = if self.confidence.state() == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
+        self.lost_for = if self.appearance.state() == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
 
         if tracking && !self.reacquired && steady && self.params.scale.enabled {
             trace.stage(Stage::Scale);
-            self.rect = self.scale.resized(frame, cropper, &self.rect);
+            self.rect = self.appearance.resized(frame, cropper, &self.rect);
         }
         self.move_on(expected);
         trace.stage(Stage::Learn);
@@ -280,7 +250,7 @@ impl Followed {
             self.learn(frame, cropper);
         }
         // What the mark left to learn of the first frame: a little in each of the next.
-        self.appearance.learn_look(cropper);
+        self.appearance.correlator.learn_look(cropper);
     }
 
     /// Looks where the target is expected `dt` frames later. Stamps tell of a gap where frames were skipped, and likewise where
@@ -288,12 +258,12 @@ impl Followed {
     /// better answer says how many frames have passed. Not for a lost one: the more looks, the more often something else is
     /// taken for it. Gives the place that was expected, and the frames.
     fn look(&mut self, frame: &Frame, cropper: &mut Cropper, dt: f64) -> ([f64; 2], f64) {
-        let Self { appearance, motion, confidence, rect, turn, .. } = self;
-        let [later, next] = [dt, 1.0].map(|dt| inside(motion.expected(rect.centre(), dt), frame));
-        appearance.look(frame, cropper, later, rect.size(), turn.degrees());
+        let Self { appearance: Appearance { correlator, confidence, .. }, motion, rect, turn, .. } = self;
+        let [later, next] = [dt, 1.0].map(|dt| frame.nearest(motion.expected(rect.centre(), dt)));
+        correlator.look(frame, cropper, later, rect.size(), turn.degrees());
         if confidence.state() != State::Lost && distance(later, next) > OTHER_PLACE * rect.scale() {
-            let response = appearance.highest().response;
-            if appearance.look_around(frame, cropper, next, |other| other > response) {
+            let response = correlator.highest().response;
+            if correlator.look_around(frame, cropper, next, |other| other > response) {
                 return (next, 1.0);
             }
         }
@@ -303,8 +273,9 @@ impl Followed {
     /// Looks for a target that answers poorly in turned pictures as well, and stays with the first in which it is certain
     /// and answers much better. Not for a lost one: the more looks, the more often something else is taken for it.
     fn look_turned(&mut self, frame: &Frame, cropper: &mut Cropper) {
-        let Self { params: LcmhtParams { turn: settings, .. }, appearance, confidence, rect, turn, .. } = self;
-        let response = appearance.highest().response;
+        let Self { params, appearance: Appearance { correlator, confidence, .. }, rect, turn, .. } = self;
+        let settings = &params.turn;
+        let response = correlator.highest().response;
         let poor = settings.enabled
             && confidence.state() != State::Lost
             && rect.w.max(rect.h) <= settings.aspect * rect.w.min(rect.h)
@@ -313,16 +284,16 @@ impl Followed {
             return;
         };
         let much_better = |other| confidence.is_certain(other) && other >= settings.gain * response;
-        let chosen = others.into_iter().find(|&turn| appearance.look_turned(frame, cropper, turn, much_better));
+        let chosen = others.into_iter().find(|&turn| correlator.look_turned(frame, cropper, turn, much_better));
         turn.chose(chosen);
     }
 
     /// The best answer of the filter, unless a neighbour explains it and another one is left for the target: then that
     /// which makes target and neighbours together most likely.
     fn localise(&mut self, expected: [f64; 2]) -> Answer {
-        let Self { appearance, motion, neighbours, confidence, rect, .. } = self;
-        let favourite = appearance.best(|place| motion.prior(expected, place));
-        let (answers, unit) = (appearance.answers(), rect.scale());
+        let Self { appearance: Appearance { correlator, confidence, .. }, motion, neighbours, rect, .. } = self;
+        let favourite = correlator.best(|place| motion.prior(expected, place));
+        let (answers, unit) = (correlator.answers(), rect.scale());
         let price = |answer: &Answer| neighbours.price(answer.centre, answers, unit);
         let least = ALTERNATIVE * confidence.usual();
         if price(&favourite) == 0.0 || !answers.iter().any(|a| a.response > least && price(a) == 0.0) {
@@ -349,8 +320,8 @@ impl Followed {
     /// Follows what looks like the target, the target itself being at `answer` if that is certain. Then other peaks that the
     /// detector takes for it as well become neighbours.
     fn watch_neighbours(&mut self, answer: &Answer, frame: &Frame, cropper: &mut Cropper) {
-        let Self { appearance, neighbours, confidence, detector, rect, .. } = self;
-        let (answers, usual, unit) = (appearance.answers(), confidence.usual(), rect.scale());
+        let Self { appearance: Appearance { correlator, confidence, .. }, neighbours, detector, rect, .. } = self;
+        let (answers, usual, unit) = (correlator.answers(), confidence.usual(), rect.scale());
         let certain = confidence.is_certain(answer.response);
         neighbours.follow(answers, certain.then_some(answer.centre), usual, unit);
         if !certain {
@@ -369,14 +340,14 @@ impl Followed {
     /// The detector's opinion decides whether the target is there at all, not where. Without the gate it is at the answer, as
     /// in the paper.
     fn place(&self, answer: &Answer, expected: [f64; 2], frame: &Frame) -> [f64; 2] {
-        let trust = match self.confidence.state() {
+        let trust = match self.appearance.state() {
             _ if !self.params.confidence.gate => 1.0,
             State::Tracking => 1.0,
-            State::Uncertain => self.confidence.trust(answer.response),
+            State::Uncertain => self.appearance.confidence.trust(answer.response),
             State::Lost => 0.0,
         };
         let between = |i: usize| expected[i] + trust * (answer.centre[i] - expected[i]);
-        inside([between(0), between(1)], frame)
+        frame.nearest([between(0), between(1)])
     }
 
     /// Takes up a lost target where the correlation filter and the detector agree that it is: where it was expected, or
@@ -388,11 +359,12 @@ impl Followed {
         cropper: &mut Cropper,
         trace: &mut dyn Trace,
     ) -> Option<Answer> {
-        if self.confidence.is_certain(expected.response) && self.is_it(&expected, frame, cropper) {
+        if self.appearance.confidence.is_certain(expected.response) && self.is_it(&expected, frame, cropper) {
             return Some(expected);
         }
         let proposed = self.redetect(frame, cropper, trace)?;
-        (self.confidence.is_convincing(proposed.response) && self.is_it(&proposed, frame, cropper)).then_some(proposed)
+        (self.appearance.confidence.is_convincing(proposed.response) && self.is_it(&proposed, frame, cropper))
+            .then_some(proposed)
     }
 
     /// The detector's proposals, filtered by the GM-PHD filter; the heaviest component as the correlation filter sees it.
@@ -400,8 +372,14 @@ impl Followed {
         self.detector.scan(frame, cropper, &self.rect, &mut self.proposals);
         trace.proposals(&self.proposals);
         let heaviest = self.motion.filter(self.proposals.iter().map(|p| p.rect))?;
-        self.appearance.look(frame, cropper, inside(heaviest.centre(), frame), self.rect.size(), self.turn.degrees());
-        Some(self.appearance.highest())
+        self.appearance.correlator.look(
+            frame,
+            cropper,
+            frame.nearest(heaviest.centre()),
+            self.rect.size(),
+            self.turn.degrees(),
+        );
+        Some(self.appearance.correlator.highest())
     }
 
     /// Whether the detector takes what is there for the target, and it is no neighbour.
@@ -416,7 +394,7 @@ impl Followed {
     /// Tells the motion model what has become of the target. The GM-PHD filter is updated by each position that is
     /// believed, so that it knows the target's motion when it has to be found again.
     fn move_on(&mut self, expected: [f64; 2]) {
-        match self.confidence.state() {
+        match self.appearance.state() {
             State::Tracking if self.reacquired => self.motion.restart(&self.rect),
             State::Tracking => self.motion.saw(&self.rect, expected),
             State::Uncertain | State::Lost => self.motion.missed(),
@@ -425,33 +403,26 @@ impl Followed {
 
     /// Updates filter, scale filter and detector with the target as it is in this frame.
     fn learn(&mut self, frame: &Frame, cropper: &mut Cropper) {
-        if !self.is_due() {
+        if !self.appearance.is_due(self.age) {
             return;
         }
-        self.appearance.learn(frame, cropper, self.rect.centre(), self.rect.size());
-        if self.params.scale.enabled {
-            self.scale.learn(frame, cropper, &self.rect, self.params.scale.learning_rate as f32);
-        }
+        self.appearance.learn(frame, cropper, &self.rect);
         self.updates += 1;
-        if self.confidence.is_exemplary(self.response) && self.updates.is_multiple_of(self.params.svm.interval as u32) {
+        if self.appearance.confidence.is_exemplary(self.response)
+            && self.updates.is_multiple_of(self.params.svm.interval as u32)
+        {
             self.detector.learn(frame, cropper, &self.rect);
         }
-    }
-
-    /// Whether filters are updated in this frame.
-    fn is_due(&self) -> bool {
-        self.age.is_multiple_of(self.params.filter.interval as u32)
     }
 
     /// Takes over parameters. What filters and detector are made of waits until they can be made anew: see
     /// [`remake`](Self::remake).
     fn retune(&mut self, params: &LcmhtParams, cnn: Option<&SharedCnn>) {
-        self.confidence.retune(&params.confidence);
         self.neighbours.retune(&params.neighbours);
         self.motion.retune(&params.motion, &params.phd, &self.rect);
-        self.detector.retune(detector_settings(&params.svm));
-        let taken = with_made(&self.params, params);
-        self.appearance.retune(&taken, cnn.filter(|_| taken.cnn == params.cnn));
+        self.detector.retune(settings::detector(&params.svm));
+        let taken = settings::with_made(&self.params, params);
+        self.appearance.retune(&settings::appearance(&taken), cnn.filter(|_| taken.cnn == params.cnn));
         self.params = taken;
     }
 
@@ -465,15 +436,13 @@ impl Followed {
         cropper: &mut Cropper,
     ) {
         let made = std::mem::replace(&mut self.params, params.clone());
-        if appearance::with_made(&made, params) != *params {
-            let (appearance, response) = Appearance::new(params, cnn, frame, cropper, &self.rect);
-            self.appearance = appearance;
+        if settings::with_made_filters(&made, params) != *params {
+            let worth = self.appearance.remake(&settings::appearance(params), cnn, frame, cropper, &self.rect);
             self.turn = Turn::upright();
-            let worth = self.confidence.remake(response);
             (self.response, self.judged) = (self.response * worth, self.judged * worth);
         }
         if made.scale != params.scale {
-            self.scale = scale_filter(params, frame, cropper, &self.rect);
+            self.appearance.remake_scale(settings::scale(&params.scale).as_ref(), frame, cropper, &self.rect);
         }
         if made.svm.template_cells != params.svm.template_cells {
             self.detector = detector(params, seed, frame, cropper, &self.rect);
@@ -481,48 +450,9 @@ impl Followed {
     }
 }
 
-/// `params`, but what filters and detector are made of as it is in `made`.
-fn with_made(made: &LcmhtParams, params: &LcmhtParams) -> LcmhtParams {
-    LcmhtParams {
-        scale: LcmhtScale {
-            learning_rate: params.scale.learning_rate,
-            max_step: params.scale.max_step,
-            ..made.scale.clone()
-        },
-        svm: LcmhtSvm { template_cells: made.svm.template_cells, ..params.svm.clone() },
-        ..appearance::with_made(made, params)
-    }
-}
-
-/// A scale filter that has learned the target in `rect`.
-fn scale_filter(params: &LcmhtParams, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> ScaleFilter {
-    let mut filter = ScaleFilter::new(rect, params.scale.step, params.scale.area);
-    filter.learn(frame, cropper, rect, 1.0);
-    filter
-}
-
 /// A detector that has learned the target in `rect`.
 fn detector(params: &LcmhtParams, seed: u64, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> Detector {
-    let mut detector = Detector::new(detector_settings(&params.svm), rect, seed);
+    let mut detector = Detector::new(settings::detector(&params.svm), rect, seed);
     detector.learn(frame, cropper, rect);
     detector
-}
-
-fn detector_settings(svm: &LcmhtSvm) -> online::Settings {
-    online::Settings {
-        svm: SvmParams { c: svm.c, gamma: svm.gamma, max_support: svm.max_support as usize },
-        template_cells: svm.template_cells as usize,
-        positive_iou: svm.positive_iou,
-        negative_iou: svm.negative_iou,
-        positives: svm.positives as usize,
-        negatives_per_positive: svm.negatives_per_positive as usize,
-        learn_extent: svm.learn_extent,
-        scan_extent: svm.scan_extent,
-        proposals: svm.proposals as usize,
-    }
-}
-
-/// The nearest point of the image.
-fn inside(point: [f64; 2], frame: &Frame) -> [f64; 2] {
-    [point[0].clamp(0.0, f64::from(frame.width())), point[1].clamp(0.0, f64::from(frame.height()))]
 }

@@ -37,9 +37,9 @@ use super::targets::Targets;
 use super::{NewId, Output, Tracker};
 use crate::crop::Cropper;
 use crate::detect::blobs::Blob;
-use crate::error::NetworkError;
 use crate::frame::Frame;
 use crate::geometry::{Rect, distance};
+use crate::network::SharedCnn;
 use crate::params::{MaptrackParams, Params};
 use crate::trace::{Proposal, Stage, Trace};
 use find::{Candidate, Candidates, fits};
@@ -258,9 +258,8 @@ impl Tracker for Maptrack {
         self.targets.report(output);
     }
 
-    fn retune(&mut self, params: &Params) -> Result<(), NetworkError> {
+    fn retune(&mut self, params: &Params, _: Option<SharedCnn>) {
         self.params = params.maptrack.clone();
         self.view.retune(&self.params);
-        Ok(())
     }
 }

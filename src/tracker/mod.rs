@@ -1,5 +1,12 @@
-//! The interface of all trackers, and what they say of a target.
+//! The interface of all trackers, and the trackers.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `lcmht.rs`, `etepf.rs`, `maptrack.rs` | a tracker each, which reads as its paper |
+//! | `targets.rs` | the list of the targets that a tracker follows |
+//! | `build.rs` | the tracker that the parameters name |
 
+mod build;
 pub mod etepf;
 pub mod lcmht;
 pub mod maptrack;
@@ -7,11 +14,13 @@ mod targets;
 
 use std::sync::Arc;
 
-use crate::error::NetworkError;
-use crate::features::cnn::Networks;
+pub use build::build;
+
 use crate::frame::Frame;
 use crate::geometry::Rect;
-use crate::params::{Algorithm, Params};
+use crate::network::SharedCnn;
+pub use crate::output::{Output, State, Target};
+use crate::params::Params;
 use crate::trace::Trace;
 
 /// Gives a target that was found, and that nobody named, an id that no other has.
@@ -45,83 +54,6 @@ pub trait Tracker: Send {
     /// Writes what is known of each target, in the order of their starts.
     fn report(&self, output: &mut Output);
 
-    /// Takes over changed parameters, or says why it cannot; the track goes on.
-    fn retune(&mut self, params: &Params) -> Result<(), NetworkError>;
-}
-
-/// The tracker that the parameters name, with its network from `networks`, or why a file that they name cannot be used.
-pub fn build(params: &Params, networks: &Networks) -> Result<Box<dyn Tracker>, NetworkError> {
-    match params.general.algorithm {
-        Algorithm::Lcmht => Ok(Box::new(lcmht::Lcmht::new(params, networks)?)),
-        Algorithm::Etepf => Ok(Box::new(etepf::Etepf::new(params))),
-        Algorithm::Maptrack => Ok(Box::new(maptrack::Maptrack::new(params))),
-    }
-}
-
-/// Whether the changed parameters ask for another network.
-pub fn asks_for_network(old: &Params, new: &Params) -> bool {
-    new.general.algorithm == Algorithm::Lcmht && lcmht::asks_for_network(old, new)
-}
-
-/// Whether a tracker that has its network from `networks` could take over the changed parameters, or why a file that they
-/// name cannot be used. What has to be loaded for them is loaded here, and the tracker finds it there.
-pub fn check(networks: &Networks, old: &Params, new: &Params) -> Result<(), NetworkError> {
-    match new.general.algorithm {
-        Algorithm::Lcmht => lcmht::check(networks, old, new),
-        Algorithm::Etepf | Algorithm::Maptrack => Ok(()),
-    }
-}
-
-/// How sure the tracker is of where the target is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum State {
-    /// The target is where the box is.
-    #[default]
-    Tracking,
-    /// It probably is; nothing is learned from this frame.
-    Uncertain,
-    /// It is not in sight. The box is the best guess, and it is being searched for.
-    Lost,
-}
-
-impl State {
-    /// The name in CSV files and log lines.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Tracking => "tracking",
-            Self::Uncertain => "uncertain",
-            Self::Lost => "lost",
-        }
-    }
-}
-
-/// What is known of one target on one frame.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Target {
-    /// Name of the target; the same from start to end.
-    pub id: Arc<str>,
-    /// Where it is, in pixels.
-    pub rect: Rect,
-    /// Velocity of the centre: pixels a second, or pixels a frame where frames bear no stamps.
-    pub velocity: [f64; 2],
-    /// Share of such boxes that can be expected to be right, 0 to 1.
-    pub confidence: f32,
-    /// Peak of the fused response map; of ETEPF, the mean likelihood within the box; of MAPTrack, how much of the target
-    /// moves or looks as it is remembered.
-    pub response: f32,
-    /// How sure the tracker is.
-    pub state: State,
-    /// Whether it was found again on this very frame.
-    pub reacquired: bool,
-    /// Frames since the start, skipped ones not counted.
-    pub age: u32,
-    /// Frames since it was lost; 0 while it is not.
-    pub lost_for: u32,
-}
-
-/// What a tracker says of one frame.
-#[derive(Clone, Debug, PartialEq, Default)]
-pub struct Output {
-    /// In the order of their starts; none before the first mark, unless the tracker finds them.
-    pub targets: Vec<Target>,
+    /// Takes over changed parameters and the network that they ask for, if they do; the track goes on.
+    fn retune(&mut self, params: &Params, network: Option<SharedCnn>);
 }

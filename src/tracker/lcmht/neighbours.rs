@@ -7,7 +7,7 @@
 //!
 //! Lengths count in target sizes, the root of the target's area.
 
-use super::appearance::Answer;
+use crate::appearance::Answer;
 use crate::geometry::{Rect, distance};
 use crate::params::LcmhtNeighbours;
 use crate::trace::Trace;

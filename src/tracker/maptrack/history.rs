@@ -1,6 +1,9 @@
 //! The motion history image (eq 8): what of its region a target has filled of late, so its shape and size.
 
-use super::region::CELLS;
+/// Cells across and down a region.
+pub(super) const SIDE: usize = 48;
+/// All cells of a region.
+pub(super) const CELLS: usize = SIDE * SIDE;
 
 /// The image, and how much it has learned.
 pub(super) struct History {

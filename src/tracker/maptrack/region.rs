@@ -3,15 +3,11 @@
 //! other from frame to frame. All images are row-major `SIDE x SIDE`, row 0 at the top.
 
 use super::colours::{self, Colours};
-use super::history::History;
+use super::history::{CELLS, History, SIDE};
 use super::view::View;
 use crate::geometry::Rect;
 use crate::params::MaptrackModel;
 
-/// Cells across and down.
-pub(super) const SIDE: usize = 48;
-/// All cells.
-pub(super) const CELLS: usize = SIDE * SIDE;
 /// A pixel is the target's where its colour is more likely so than not (eq 4).
 const LIKELY: f32 = 0.5;
 

@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use super::colours::Colours;
 use super::find::Candidate;
-use super::history::History;
+use super::history::{CELLS, History, SIDE};
 use super::path::{Moment, Path};
-use super::pattern::{Pattern, Recognised};
-use super::region::{CELLS, Region, SIDE, Sums};
+use super::pattern;
+use super::region::{Region, Sums};
 use super::state::Inferred;
 use super::view::{NOBODY, View};
+use crate::appearance::{Appearance, Recognised};
 use crate::crop::Cropper;
 use crate::frame::{Frame, MIN_TARGET_SIDE};
 use crate::geometry::{Rect, distance};
@@ -40,7 +41,7 @@ pub(super) struct Track {
     history: History,
     path: Path,
     /// Of a marked one, if patterns are wanted; and where it was recognised in this frame.
-    pattern: Option<Pattern>,
+    pattern: Option<Appearance>,
     recognised: Option<Recognised>,
     /// Frame periods since the frame before.
     elapsed: f64,
@@ -150,7 +151,7 @@ impl Track {
 
     /// Learns the pattern of the target, which is in `rect` of the frame.
     pub(super) fn learn_pattern(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect, params: &MaptrackParams) {
-        self.pattern = params.pattern.enabled.then(|| Pattern::new(frame, cropper, rect, &params.pattern));
+        self.pattern = params.pattern.enabled.then(|| pattern::learn(frame, cropper, rect, &params.pattern));
     }
 
     /// Looks for the target's pattern around where it was.

@@ -9,14 +9,14 @@
 use std::ops::Range;
 
 use super::augment::{self, Look};
+use super::layers::{Extractor, Source};
+use super::settings::{AppearanceSettings, FilterForm, FilterSettings, NetworkFilterSettings};
 use crate::dcf::fft::Fft2;
 use crate::dcf::kernelised::{self, KernelisedFilter};
 use crate::dcf::masked::{self, MaskedFilter};
 use crate::dcf::sample::Sample;
 use crate::dcf::window::{label, mask};
-use crate::features::layers::{Extractor, Source};
 use crate::geometry::Rect;
-use crate::params::{FilterKind, LcmhtCnn, LcmhtFilter, LcmhtParams};
 
 /// Conjugate-gradient steps of a masked filter on the first frame's sample, and on each altered look at it once that has come.
 pub(super) const FIRST_STEPS: usize = 12;
@@ -41,30 +41,29 @@ pub(super) struct Part {
 }
 
 impl Filters {
-    /// Untrained filters on the layers of `extractor`, whose responses `weights` weigh where the filter is the paper's.
-    /// `target` is that of the first frame in pixels, `cells` its width and height on the grid.
+    /// Untrained filters on the layers of `extractor`. `target` is that of the first frame in pixels, `cells` its width and
+    /// height on the grid.
     pub(super) fn new(
-        params: &LcmhtParams,
+        all: &AppearanceSettings,
         extractor: &Extractor,
-        weights: Vec<f32>,
         fft: &mut Fft2,
         target: &Rect,
         cells: [f64; 2],
     ) -> Self {
-        let settings = &params.filter;
+        let settings = &all.filter;
         let (rows, cols) = (fft.rows(), fft.cols());
         let label = label(rows, cols, settings.label_sigma * (cells[0] * cells[1]).sqrt());
-        if settings.kind == FilterKind::Kernelised {
-            let settings =
-                kernelised::Settings { regularisation: settings.regularisation as f32, layer_weights: weights };
+        if settings.form == FilterForm::Kernelised {
+            let layer_weights = extractor.layers().map(|(spec, _)| spec.weight).collect();
+            let settings = kernelised::Settings { regularisation: settings.regularisation as f32, layer_weights };
             return Self::Kernelised(KernelisedFilter::new(settings, fft, &label));
         }
         let mask = mask(rows, cols, settings.mask * cells[0], settings.mask * cells[1]);
-        let parts = roles(params, extractor).into_iter().map(|role| {
-            let looks = augment::looks(&params.augment, target, role.strong_looks);
+        let parts = roles(all, extractor).into_iter().map(|role| {
+            let looks = all.looks.as_ref().map_or_else(Vec::new, |s| augment::looks(s, target, role.strong_looks));
             let settings = masked::Settings {
                 looks: 1 + looks.len(),
-                memory: (settings.memory as usize).max(2 + looks.len()),
+                memory: settings.memory.max(2 + looks.len()),
                 first_weight: settings.first_weight as f32,
                 regularisation: role.regularisation as f32,
             };
@@ -119,20 +118,20 @@ impl Filters {
     }
 
     /// Takes over the share of the network's filter, where it has one of its own.
-    pub(super) fn retune(&mut self, cnn: &LcmhtCnn) {
+    pub(super) fn retune(&mut self, settings: &NetworkFilterSettings) {
         if let Self::Masked(parts) = self
             && let [hand_crafted, network] = parts.as_mut_slice()
         {
-            (hand_crafted.share, network.share) = ((1.0 - cnn.share) as f32, cnn.share as f32);
+            (hand_crafted.share, network.share) = ((1.0 - settings.share) as f32, settings.share as f32);
         }
     }
 
     /// Learns a later sample at the rates that the settings give.
-    pub(super) fn learn(&mut self, fft: &mut Fft2, sample: &Sample, settings: &LcmhtFilter) {
+    pub(super) fn learn(&mut self, fft: &mut Fft2, sample: &Sample, settings: &FilterSettings) {
         let rate = settings.learning_rate as f32;
         match self {
             Self::Masked(parts) => {
-                parts.iter_mut().for_each(|part| part.filter.learn(fft, sample, rate, settings.steps as usize));
+                parts.iter_mut().for_each(|part| part.filter.learn(fft, sample, rate, settings.steps));
             }
             Self::Kernelised(filter) => filter.learn(fft, sample, rate),
         }
@@ -164,16 +163,17 @@ struct Role {
 }
 
 /// The roles that the layers of `extractor` are divided into.
-fn roles(params: &LcmhtParams, extractor: &Extractor) -> Vec<Role> {
-    let LcmhtCnn { separate, share, regularisation, .. } = params.cnn;
+fn roles(settings: &AppearanceSettings, extractor: &Extractor) -> Vec<Role> {
     let all = extractor.channels();
     let network = extractor.layers().find(|(spec, _)| matches!(spec.source, Source::Network(_)));
     let first = network.map_or(all, |(_, channels)| channels.start);
     let alone =
-        Role { channels: 0..all, share: 1.0, regularisation: params.filter.regularisation, strong_looks: false };
-    if !separate || first == 0 || first == all {
+        Role { channels: 0..all, share: 1.0, regularisation: settings.filter.regularisation, strong_looks: false };
+    let Some(&NetworkFilterSettings { share, regularisation }) =
+        settings.network_filter.as_ref().filter(|_| first > 0 && first < all)
+    else {
         return vec![alone];
-    }
+    };
     vec![
         Role { channels: 0..first, share: 1.0 - share, ..alone },
         Role { channels: first..all, share, regularisation, strong_looks: true },

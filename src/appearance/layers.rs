@@ -5,17 +5,17 @@ use std::ops::Range;
 
 use rustfft::num_complex::Complex32;
 
-use super::cnn::{SharedCnn, locked};
-use super::hog::Hog;
-use super::pca::Projection;
-use super::resize::Resize;
-use super::{CELL, FeatureMap, colour_names, contrast};
 use crate::crop::{Alteration, Cropper, Patch};
 use crate::dcf::fft::Fft2;
 use crate::dcf::sample::Sample;
 use crate::dcf::window::hann;
+use crate::features::hog::Hog;
+use crate::features::pca::Projection;
+use crate::features::resize::Resize;
+use crate::features::{CELL, FeatureMap, colour_names, contrast};
 use crate::frame::Frame;
 use crate::geometry::Rect;
+use crate::network::{SharedCnn, locked};
 
 /// Share of a map's energy that its layer must have in the first frame to be scaled up: less, and what the layer would show
 /// are errors of rounding. Where a window is of one colour, nothing is left of colour names without their mean.
@@ -49,6 +49,15 @@ pub struct LayerSpec {
     /// The mean energy of a cell that the layer is scaled to in the first frame; `None` leaves it as it is. A layer that
     /// shows nothing there stays silent.
     pub energy: Option<f32>,
+    /// Weight of its response where each layer has a filter of its own (gamma of LCMHT eq 6).
+    pub weight: f32,
+}
+
+impl LayerSpec {
+    /// A layer of this energy, which weighs as much.
+    pub fn scaled(source: Source, components: Option<usize>, energy: f32) -> Self {
+        Self { source, components, energy: Some(energy), weight: energy }
+    }
 }
 
 /// One layer, fitted to the first frame.
@@ -109,8 +118,10 @@ pub struct Extractor {
 }
 
 impl Extractor {
-    /// An extractor for search windows of `rows x cols` cells whose layers are fitted to what `window` shows. Layers of
-    /// the network need one.
+    /// An extractor for search windows of `rows x cols` cells whose layers are fitted to what `window` shows.
+    ///
+    /// # Panics
+    /// If a layer is of a network and none is given, or one that lacks the output.
     pub fn fit(
         specs: &[LayerSpec],
         cnn: Option<SharedCnn>,
@@ -313,8 +324,7 @@ mod tests {
 
     /// The mean energy of a cell of each layer, HOG and colour names, in images of `SIDE` pixels, fitted to the first.
     fn energies(first: &[u8], then: &[u8]) -> [f32; 2] {
-        let spec =
-            |feature, n| LayerSpec { source: Source::Cells(vec![feature]), components: Some(n), energy: Some(1.0) };
+        let spec = |feature, n| LayerSpec::scaled(Source::Cells(vec![feature]), Some(n), 1.0);
         let specs = [spec(Feature::Hog, 16), spec(Feature::ColourNames, 10)];
         let frame = |data| Frame::new(data, SIDE as u32, SIDE as u32, 3 * SIDE, Encoding::Rgb8, None).unwrap();
         let (window, cells) = (Rect::new(0.0, 0.0, SIDE as f64, SIDE as f64), SIDE / CELL);

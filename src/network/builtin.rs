@@ -7,12 +7,9 @@ use tract_onnx::prelude::*;
 use tract_onnx::tract_hir::infer::GenericFactoid;
 use tract_onnx::tract_hir::internal::DimLike;
 
+use super::backend::{Backend, Model, Refusal, fill};
 use super::depthwise;
-use super::network::{self, Loaded, Network, Refusal, fill};
 use crate::features::FeatureMap;
-
-/// Its name in log lines.
-pub(super) const NAME: &str = "tract";
 
 /// A network, and what was made of it for inputs of one size.
 struct Tract {
@@ -22,7 +19,7 @@ struct Tract {
 }
 
 /// Loads a model.
-pub(super) fn load(model: network::Model, outputs: &[String], threads: usize) -> Result<Loaded, Refusal> {
+pub(super) fn load(model: Model, outputs: &[String], threads: usize) -> Result<Box<dyn Backend>, Refusal> {
     let parsed = tract_onnx::onnx().model_for_read(&mut model.as_ref());
     let mut model = parsed.map_err(|error| Refusal::Format(why(&error)))?;
     if model.inputs.len() != 1 {
@@ -44,7 +41,7 @@ pub(super) fn load(model: network::Model, outputs: &[String], threads: usize) ->
     Ok(Box::new(Tract { model, plan: None, executor }))
 }
 
-impl Network for Tract {
+impl Backend for Tract {
     fn input(&self) -> Vec<Option<usize>> {
         let Ok(fact) = self.model.input_fact(0) else { return Vec::new() };
         let side = |side: &GenericFactoid<TDim>| match side {

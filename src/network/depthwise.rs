@@ -304,7 +304,7 @@ mod tests {
 
     #[test]
     fn does_all_eleven_of_the_embedded_network() -> TractResult<()> {
-        let mut file = crate::features::cnn::network::EMBEDDED;
+        let mut file = crate::loader::EMBEDDED;
         let model = tract_onnx::onnx().model_for_read(&mut file)?;
         let mut model = model.with_input_fact(0, f32::fact([1, 3, 64, 64]).into())?.into_typed()?.into_decluttered()?;
         assert_eq!(replace(&mut model)?, 11);

@@ -4,8 +4,8 @@
 //! drops as it changes its looks. By default responses are therefore measured in units of what the target usually gets:
 //! `quality = response / reference`, where the reference follows the responses of the target while it is not lost.
 
-use crate::params::LcmhtConfidence;
-use crate::tracker::State;
+use super::settings::ConfidenceSettings;
+use crate::output::State;
 
 /// The reference starts at this share of the response to the very sample that the filter was trained on: no later look
 /// of the target answers as well.
@@ -25,8 +25,8 @@ const ODDS_AT_ZERO: f64 = -1.0;
 const LOST_SHARE: f64 = 0.1;
 
 /// The state of one target.
-pub(in crate::tracker) struct Confidence {
-    settings: LcmhtConfidence,
+pub struct Confidence {
+    settings: ConfidenceSettings,
     reference: f64,
     state: State,
     /// Uncertain frames in a row, and the sum of their qualities.
@@ -36,7 +36,7 @@ pub(in crate::tracker) struct Confidence {
 
 impl Confidence {
     /// A target that is tracked and whose training sample got `response`.
-    pub(in crate::tracker) fn new(settings: &LcmhtConfidence, response: f64) -> Self {
+    pub fn new(settings: &ConfidenceSettings, response: f64) -> Self {
         Self {
             settings: settings.clone(),
             reference: (FIRST_SHARE * response).max(LEAST_REFERENCE),
@@ -46,35 +46,36 @@ impl Confidence {
         }
     }
 
-    pub(in crate::tracker) fn retune(&mut self, settings: &LcmhtConfidence) {
+    /// Takes over changed settings.
+    pub fn retune(&mut self, settings: &ConfidenceSettings) {
         self.settings = settings.clone();
     }
 
     /// Another filter answers from now on, whose training sample got `response`. Gives what a response of the filter before
     /// is worth in responses of this one.
-    pub(in crate::tracker) fn remake(&mut self, response: f64) -> f64 {
+    pub fn remake(&mut self, response: f64) -> f64 {
         let before = std::mem::replace(&mut self.reference, (FIRST_SHARE * response).max(LEAST_REFERENCE));
         self.reference / before
     }
 
     /// The state after the last frame.
-    pub(in crate::tracker) fn state(&self) -> State {
+    pub fn state(&self) -> State {
         self.state
     }
 
     /// The response that the target usually gets.
-    pub(in crate::tracker) fn usual(&self) -> f64 {
+    pub fn usual(&self) -> f64 {
         self.reference
     }
 
     /// The response in the unit of the thresholds.
-    pub(in crate::tracker) fn quality(&self, response: f64) -> f64 {
+    pub fn quality(&self, response: f64) -> f64 {
         if self.settings.relative { response / self.reference } else { response }
     }
 
     /// The confidence to report for a box that got `response`: calibrated, how probable it is that the box overlaps the
     /// target by more than half, otherwise the quality. In `0..=1`.
-    pub(in crate::tracker) fn reported(&self, response: f64) -> f64 {
+    pub fn reported(&self, response: f64) -> f64 {
         let quality = self.quality(response).clamp(0.0, 1.0);
         if !self.settings.calibrated {
             return quality;
@@ -84,22 +85,22 @@ impl Confidence {
     }
 
     /// Whether a response shows the target (at least T_ad).
-    pub(in crate::tracker) fn is_certain(&self, response: f64) -> bool {
+    pub fn is_certain(&self, response: f64) -> bool {
         self.quality(response) >= self.settings.activate
     }
 
     /// Whether a response at a place that the detector proposes is good enough to take up the target there.
-    pub(in crate::tracker) fn is_convincing(&self, response: f64) -> bool {
+    pub fn is_convincing(&self, response: f64) -> bool {
         self.quality(response) >= self.settings.reacquire
     }
 
     /// Whether a response is good enough to teach the detector (at least T_td).
-    pub(in crate::tracker) fn is_exemplary(&self, response: f64) -> bool {
+    pub fn is_exemplary(&self, response: f64) -> bool {
         self.quality(response) >= self.settings.train
     }
 
     /// How far a response is to be believed, 0 to 1.
-    pub(in crate::tracker) fn trust(&self, response: f64) -> f64 {
+    pub fn trust(&self, response: f64) -> f64 {
         if self.settings.activate > 0.0 {
             (self.quality(response) / self.settings.activate).clamp(0.0, 1.0)
         } else {
@@ -109,7 +110,7 @@ impl Confidence {
 
     /// Takes in the response of a frame in which the target was looked for where it was expected. A lost target stays
     /// lost until [`found`](Self::found) says otherwise.
-    pub(in crate::tracker) fn assess(&mut self, response: f64) -> State {
+    pub fn assess(&mut self, response: f64) -> State {
         let quality = self.quality(response);
         if self.state == State::Lost {
             return State::Lost;
@@ -120,7 +121,7 @@ impl Confidence {
             self.uncertain += 1;
             self.sum += quality;
             let mean = self.sum / f64::from(self.uncertain);
-            let gone = i64::from(self.uncertain) > self.settings.patience && mean < self.settings.lost;
+            let gone = self.uncertain > self.settings.patience && mean < self.settings.lost;
             self.state = if gone { State::Lost } else { State::Uncertain };
         }
         if self.state != State::Lost {
@@ -130,16 +131,26 @@ impl Confidence {
         self.state
     }
 
+    /// Takes in the response of a frame, and takes up a lost target that it convinces of.
+    pub fn judge(&mut self, response: f64) -> State {
+        let was_lost = self.state == State::Lost;
+        self.assess(response);
+        if was_lost && self.is_convincing(response) {
+            self.found();
+        }
+        self.state
+    }
+
     /// Takes what a tracked target just got for what it usually gets from now on, or [`LEAST_REBASE`] of that: the images
     /// have become of another kind.
-    pub(in crate::tracker) fn rebase(&mut self, response: f64) {
+    pub fn rebase(&mut self, response: f64) {
         if self.state == State::Tracking {
             self.reference = response.max(LEAST_REBASE * self.reference).max(LEAST_REFERENCE);
         }
     }
 
     /// The target is there.
-    pub(in crate::tracker) fn found(&mut self) {
+    pub fn found(&mut self) {
         self.state = State::Tracking;
         self.uncertain = 0;
         self.sum = 0.0;
@@ -149,10 +160,9 @@ impl Confidence {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::params::Params;
 
     fn confidence() -> Confidence {
-        Confidence::new(&Params::default().lcmht.confidence, 1.0)
+        Confidence::new(&ConfidenceSettings::default(), 1.0)
     }
 
     #[test]
@@ -221,13 +231,13 @@ mod tests {
 
     #[test]
     fn fixed_thresholds_are_those_of_the_paper() {
-        let settings = LcmhtConfidence {
+        let settings = ConfidenceSettings {
             relative: false,
             activate: 0.15,
             train: 0.4,
             lost: 0.15,
             patience: 0,
-            ..Params::default().lcmht.confidence
+            ..ConfidenceSettings::default()
         };
         let mut c = Confidence::new(&settings, 1.0);
         assert_eq!(c.assess(0.16), State::Tracking);

@@ -1,34 +1,31 @@
-//! What the target looks like: layers of features, and the correlation filter that is trained on them.
+//! The correlation filters on layers of features, and the window that they look through.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::augment::Look;
 use super::filters::Filters;
+use super::layers::{Cut, Extractor, LayerSpec, Source};
+use super::settings::{AppearanceSettings, FilterSettings, SearchShape};
 use crate::crop::{Alteration, Cropper, turn_about};
 use crate::dcf::fft::Fft2;
 use crate::dcf::response::{Peak, centred, highest, local_maxima};
 use crate::dcf::sample::Sample;
-use crate::error::NetworkError;
 use crate::features::CELL;
-use crate::features::cnn::{self, Networks, SharedCnn};
 use crate::features::contrast::AROUND;
-use crate::features::layers::{Cut, Extractor, Feature, LayerSpec, Source};
 use crate::frame::Frame;
 use crate::geometry::{Rect, turned};
-use crate::params::{LcmhtCnn, LcmhtFilter, LcmhtLayers, LcmhtParams, Params, WindowShape};
+use crate::network::SharedCnn;
 use crate::trace::{ResponseMap, Trace};
 
 /// Local maxima of a response map that are weighed against the motion model.
 const PEAKS: usize = 8;
 /// Cells along a side of the search window, at least: fewer have no room for a label.
 const MIN_CELLS: usize = 8;
-/// Eleven probabilities sum to one: ten components hold them all.
-const COLOUR_COMPONENTS: usize = 10;
 
-/// The filter and the window that it looks through.
-pub(in crate::tracker) struct Appearance {
-    settings: LcmhtFilter,
+/// The filters and the window that they look through.
+pub struct Correlator {
+    settings: FilterSettings,
     rows: usize,
     cols: usize,
     fft: Fft2,
@@ -63,32 +60,33 @@ struct View {
 
 /// A place that the filter answers to.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::tracker) struct Answer {
+pub struct Answer {
     /// Centre of a target there, in pixels.
-    pub(in crate::tracker) centre: [f64; 2],
+    pub centre: [f64; 2],
     /// The response.
-    pub(in crate::tracker) response: f64,
+    pub response: f64,
 }
 
-impl Appearance {
-    /// Learns the target in `rect`. Gives the response to the very sample it was trained on as well. The network is
-    /// there if the parameters want its layers. Altered looks are cut out, and wait for [`learn_look`](Self::learn_look).
-    pub(in crate::tracker) fn new(
-        params: &LcmhtParams,
+impl Correlator {
+    /// Learns the target in `rect`. Gives the response to the very sample it was trained on as well. Layers of a network are
+    /// left out where none is given. Altered looks are cut out, and wait for [`learn_look`](Self::learn_look).
+    pub(super) fn new(
+        all: &AppearanceSettings,
         cnn: Option<SharedCnn>,
         frame: &Frame,
         cropper: &mut Cropper,
         rect: &Rect,
     ) -> (Self, f64) {
-        let settings = &params.filter;
+        let settings = &all.filter;
         let window = search_window(settings, rect.centre(), rect.size());
         let (rows, cols) = grid(settings, &window);
         let mut fft = Fft2::new(rows, cols);
-        let (specs, weights) = specs(&params.layers, &params.cnn);
+        let is_there = |spec: &&LayerSpec| cnn.is_some() || !matches!(spec.source, Source::Network(_));
+        let specs: Vec<LayerSpec> = all.layers.iter().filter(is_there).cloned().collect();
         let extractor = Extractor::fit(&specs, cnn, rows, cols, frame, &window, cropper);
         let cells = [rect.w * cols as f64 / window.w, rect.h * rows as f64 / window.h];
-        let filters = Filters::new(params, &extractor, weights, &mut fft, rect, cells);
-        let mut appearance = Self {
+        let filters = Filters::new(all, &extractor, &mut fft, rect, cells);
+        let mut correlator = Self {
             settings: settings.clone(),
             rows,
             cols,
@@ -104,19 +102,21 @@ impl Appearance {
             shown: Vec::with_capacity(rows * cols),
             spare: Vec::with_capacity(rows * cols),
         };
-        appearance.view.window = window;
-        appearance.extractor.transform(&mut appearance.fft, &mut appearance.view.sample);
-        appearance.filters.learn_first(&mut appearance.fft, &appearance.view.sample);
-        appearance.cut_looks(frame, cropper, rect);
-        appearance.respond();
-        let response = f64::from(highest(&appearance.view.response, rows, cols, false).value);
-        (appearance, response)
+        correlator.view.window = window;
+        correlator.extractor.transform(&mut correlator.fft, &mut correlator.view.sample);
+        correlator.filters.learn_first(&mut correlator.fft, &correlator.view.sample);
+        correlator.cut_looks(frame, cropper, rect);
+        correlator.respond();
+        let response = f64::from(highest(&correlator.view.response, rows, cols, false).value);
+        (correlator, response)
     }
 
-    /// Takes over parameters that [`with_made`] lets through, and what runs the network by now.
-    pub(in crate::tracker) fn retune(&mut self, params: &LcmhtParams, cnn: Option<&SharedCnn>) {
-        self.settings = params.filter.clone();
-        self.filters.retune(&params.cnn);
+    /// Takes over what may change under it, and what runs the same network by now.
+    pub(super) fn retune(&mut self, all: &AppearanceSettings, cnn: Option<&SharedCnn>) {
+        self.settings = all.filter.clone();
+        if let Some(settings) = &all.network_filter {
+            self.filters.retune(settings);
+        }
         if let Some(cnn) = cnn {
             self.extractor.use_network(cnn);
         }
@@ -124,21 +124,14 @@ impl Appearance {
 
     /// Looks for a target of size `size` around `centre`, in a picture turned by `turn` degrees clockwise: fills the sample
     /// and the response map (eqs 5 and 6).
-    pub(in crate::tracker) fn look(
-        &mut self,
-        frame: &Frame,
-        cropper: &mut Cropper,
-        centre: [f64; 2],
-        size: [f64; 2],
-        turn: f64,
-    ) {
+    pub fn look(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2], turn: f64) {
         self.see(frame, cropper, search_window(&self.settings, centre, size), turn);
         self.respond();
     }
 
     /// Looks through the same window again in a picture turned by `turn` degrees clockwise, and stays with that if the
     /// highest response is then `wanted`. Says whether it is.
-    pub(in crate::tracker) fn look_turned(
+    pub fn look_turned(
         &mut self,
         frame: &Frame,
         cropper: &mut Cropper,
@@ -150,7 +143,7 @@ impl Appearance {
 
     /// Looks through the same window around `centre`, and stays there if the highest response is then `wanted`. Says whether
     /// it is.
-    pub(in crate::tracker) fn look_around(
+    pub fn look_around(
         &mut self,
         frame: &Frame,
         cropper: &mut Cropper,
@@ -180,17 +173,17 @@ impl Appearance {
     }
 
     /// Whether the last look showed nothing that could be followed. No response is above 0 then.
-    pub(in crate::tracker) fn is_blank(&self) -> bool {
+    pub fn is_blank(&self) -> bool {
         self.view.blank
     }
 
     /// How far the picture of the last look is turned, in degrees clockwise.
-    pub(in crate::tracker) fn turn(&self) -> f64 {
+    pub fn turn(&self) -> f64 {
         self.view.turn
     }
 
     /// The best local maximum of the response map (eq 7), by its response times what `prior` makes of its place.
-    pub(in crate::tracker) fn best(&mut self, prior: impl Fn([f64; 2]) -> f64) -> Answer {
+    pub fn best(&mut self, prior: impl Fn([f64; 2]) -> f64) -> Answer {
         self.peaks.clear();
         local_maxima(&self.view.response, self.rows, self.cols, 0.0, PEAKS, self.settings.subcell, &mut self.peaks);
         self.answers.clear();
@@ -204,12 +197,12 @@ impl Appearance {
     }
 
     /// The local maxima that [`best`](Self::best) last chose from, highest first.
-    pub(in crate::tracker) fn answers(&self) -> &[Answer] {
+    pub fn answers(&self) -> &[Answer] {
         &self.answers
     }
 
     /// The highest response of the map.
-    pub(in crate::tracker) fn highest(&self) -> Answer {
+    pub fn highest(&self) -> Answer {
         self.answer(&highest(&self.view.response, self.rows, self.cols, self.settings.subcell))
     }
 
@@ -223,7 +216,7 @@ impl Appearance {
 
     /// Learns the target at `centre` (eqs 4 and 8). By default the sample of the last look is shifted there, if that showed
     /// it at all; the paper cuts it anew. Where nothing is to be seen, nothing is learned.
-    pub(in crate::tracker) fn learn(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
+    pub fn learn(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
         if self.settings.recrop || self.view.window.intersection(&Rect::around(centre, size)).area() == 0.0 {
             self.see(frame, cropper, search_window(&self.settings, centre, size), self.view.turn);
         } else {
@@ -238,7 +231,7 @@ impl Appearance {
     }
 
     /// Shows the response map of the last look.
-    pub(in crate::tracker) fn show(&mut self, trace: &mut dyn Trace) {
+    pub fn show(&mut self, trace: &mut dyn Trace) {
         let Self { view: View { window, turn, response, .. }, rows, cols, shown, spare, .. } = self;
         trace.search_window(*window);
         centred(response, *rows, *cols, shown);
@@ -291,7 +284,7 @@ impl Appearance {
     }
 
     /// Learns the next altered look at the first frame's target, if one is left. Overwrites the sample of the last look.
-    pub(in crate::tracker) fn learn_look(&mut self, cropper: &mut Cropper) {
+    pub fn learn_look(&mut self, cropper: &mut Cropper) {
         let Self { fft, extractor, filters, view, looks, cut, .. } = self;
         let Some((look, unaltered)) = looks.pop_front() else {
             return;
@@ -303,81 +296,39 @@ impl Appearance {
     }
 }
 
-/// The network that the parameters ask for.
-pub(in crate::tracker) fn network(params: &Params, networks: &Networks) -> Result<Option<SharedCnn>, NetworkError> {
-    network_settings(params).map(|settings| networks.get(settings)).transpose()
-}
-
-/// What the network that the parameters ask for is loaded by.
-pub(in crate::tracker) fn network_settings(params: &Params) -> Option<cnn::Settings> {
-    params.lcmht.cnn.enabled.then(|| cnn::Settings::new(&params.lcmht.cnn, params.limits.file_bytes()))
-}
-
-/// `params`, but what an [`Appearance`] is made of as it is in `made`. What may change under it is how it learns and refines, the
-/// share of the network's filter, and what runs the network.
-pub(in crate::tracker) fn with_made(made: &LcmhtParams, params: &LcmhtParams) -> LcmhtParams {
-    let LcmhtFilter { learning_rate, interval, steps, subcell, recrop, .. } = params.filter;
-    let LcmhtCnn { share, inference, threads, .. } = params.cnn;
-    LcmhtParams {
-        filter: LcmhtFilter { learning_rate, interval, steps, subcell, recrop, ..made.filter.clone() },
-        cnn: LcmhtCnn { share, inference, library: params.cnn.library.clone(), threads, ..made.cnn.clone() },
-        layers: made.layers.clone(),
-        augment: made.augment.clone(),
-        ..params.clone()
-    }
-}
-
-fn search_window(settings: &LcmhtFilter, centre: [f64; 2], size: [f64; 2]) -> Rect {
-    let sides = match settings.window_shape {
-        WindowShape::Square => [(size[0] * size[1]).sqrt(); 2],
-        WindowShape::Target => size,
+fn search_window(settings: &FilterSettings, centre: [f64; 2], size: [f64; 2]) -> Rect {
+    let sides = match settings.shape {
+        SearchShape::Square => [(size[0] * size[1]).sqrt(); 2],
+        SearchShape::Target => size,
     };
     Rect::around(centre, sides.map(|side| side * settings.window))
 }
 
 /// Rows and columns of the feature grid. The longer side has as many cells as the settings say. A window of the target's
 /// shape has no more than the image resolves, a cell for 4 px: the paper's features of a quarter of the window's size.
-fn grid(settings: &LcmhtFilter, window: &Rect) -> (usize, usize) {
+fn grid(settings: &FilterSettings, window: &Rect) -> (usize, usize) {
     let longer = window.w.max(window.h);
     let resolved = (longer / CELL as f64).round();
-    let cells = match settings.window_shape {
-        WindowShape::Square => settings.cells as f64,
-        WindowShape::Target => resolved.min(settings.cells as f64),
+    let cells = match settings.shape {
+        SearchShape::Square => settings.cells as f64,
+        SearchShape::Target => resolved.min(settings.cells as f64),
     };
     let side = |length: f64| ((cells * length / longer).round() as usize).max(MIN_CELLS);
     (side(window.h), side(window.w))
 }
 
-/// The layers, and the weight of each. Layers that the weights leave out are not computed.
-fn specs(layers: &LcmhtLayers, cnn: &LcmhtCnn) -> (Vec<LayerSpec>, Vec<f32>) {
-    let cells = |features: &[Feature], components| (Source::Cells(features.to_vec()), components);
-    let mut all: Vec<((Source, Option<usize>), f64)> = Vec::new();
-    if layers.joint {
-        all.push((cells(&[Feature::Hog, Feature::ColourNames], None), layers.hog_weight));
-    } else {
-        all.push((cells(&[Feature::Hog], Some(layers.hog_components as usize)), layers.hog_weight));
-        all.push((cells(&[Feature::ColourNames], Some(COLOUR_COMPONENTS)), layers.colour_weight));
-    }
-    if cnn.enabled {
-        let outputs = cnn.components.iter().zip(&cnn.weights).enumerate();
-        all.extend(
-            outputs.map(|(output, (&n, &weight))| ((Source::Network(output), (n > 0).then_some(n as usize)), weight)),
-        );
-    }
-    let spec = |((source, components), weight): ((Source, Option<usize>), f64)| {
-        let energy = (!layers.joint).then_some(weight as f32);
-        (LayerSpec { source, components, energy }, weight as f32)
-    };
-    all.into_iter().filter(|(_, weight)| *weight > 0.0).map(spec).unzip()
-}
-
 #[cfg(test)]
 mod tests {
+    use std::sync::Mutex;
+
     use super::super::filters::{FIRST_STEPS, LOOK_STEPS};
+    use super::super::settings::{LookSettings, NetworkFilterSettings};
     use super::*;
     use crate::frame::Encoding;
     use crate::geometry::distance;
-    use crate::params::LcmhtAugment;
+    use crate::loader::Request;
+    use crate::network::locked;
+    use crate::params::Params;
 
     const WIDTH: usize = 200;
     const HEIGHT: usize = 160;
@@ -391,37 +342,32 @@ mod tests {
     }
 
     /// The highest response to a scene that is blurred or not, relative to that of the first frame.
-    fn answer(augment: LcmhtAugment, blur: usize) -> f64 {
-        let mut params = Params::default().lcmht;
-        params.cnn.enabled = false;
-        params.augment = augment;
+    fn answer(looks: Option<LookSettings>, blur: usize) -> f64 {
+        let settings = AppearanceSettings { looks, ..AppearanceSettings::default() };
         let [first, then] = [scene(1), scene(blur)];
         let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
         let mut cropper = Cropper::default();
         let [first, then] = [frame(&first), frame(&then)];
-        let (mut appearance, trained) = Appearance::new(&params, None, &first, &mut cropper, &TARGET);
-        let highest = |appearance: &mut Appearance, frame: &Frame| {
-            appearance.look(frame, &mut Cropper::default(), TARGET.centre(), TARGET.size(), 0.0);
-            appearance.highest().response
+        let (mut correlator, trained) = Correlator::new(&settings, None, &first, &mut cropper, &TARGET);
+        let highest = |correlator: &mut Correlator, frame: &Frame| {
+            correlator.look(frame, &mut Cropper::default(), TARGET.centre(), TARGET.size(), 0.0);
+            correlator.highest().response
         };
-        assert!((highest(&mut appearance, &first) - trained).abs() < 1e-6);
-        learn_looks(&mut appearance, &mut cropper);
-        highest(&mut appearance, &then) / highest(&mut appearance, &first)
+        assert!((highest(&mut correlator, &first) - trained).abs() < 1e-6);
+        learn_looks(&mut correlator, &mut cropper);
+        highest(&mut correlator, &then) / highest(&mut correlator, &first)
     }
 
     #[test]
     fn a_filter_that_learned_altered_looks_answers_better_to_a_blurred_target() {
-        let augment = Params::default().lcmht.augment;
-        let plain = LcmhtAugment { enabled: false, ..augment.clone() };
-        let [without, with] = [answer(plain, 7), answer(augment, 7)];
+        let [without, with] = [answer(None, 7), answer(Some(LookSettings::default()), 7)];
         assert!(with > 1.1 * without, "{with} {without}");
     }
 
     #[test]
     fn a_target_that_turned_is_found_and_learned_where_it_is_by_a_picture_turned_back() {
         const DEGREES: f64 = 20.0;
-        let mut params = Params::default().lcmht;
-        params.cnn.enabled = false;
+        let settings = AppearanceSettings::default();
         let first = scene(1);
         let [x, y] = TARGET.centre();
         let place = [x + 9.0, y - 6.0];
@@ -434,94 +380,109 @@ mod tests {
         let then: Vec<u8> = (0..first.len()).map(pixel).collect();
         let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
         let mut cropper = Cropper::default();
-        let (mut appearance, _) = Appearance::new(&params, None, &frame(&first), &mut cropper, &TARGET);
-        learn_looks(&mut appearance, &mut cropper);
-        appearance.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size(), 0.0);
-        let upright = appearance.highest();
+        let (mut correlator, _) = Correlator::new(&settings, None, &frame(&first), &mut cropper, &TARGET);
+        learn_looks(&mut correlator, &mut cropper);
+        correlator.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size(), 0.0);
+        let upright = correlator.highest();
         // Turned farther the same way, it answers worse, and the look before stays.
-        assert!(!appearance.look_turned(&frame(&then), &mut cropper, DEGREES, |r| r > upright.response));
-        assert_eq!((appearance.turn(), appearance.highest().response), (0.0, upright.response));
-        assert!(appearance.look_turned(&frame(&then), &mut cropper, -DEGREES, |r| r > 1.2 * upright.response));
-        assert_eq!(appearance.turn(), -DEGREES);
-        assert!(distance(appearance.highest().centre, place) < 1.5, "{:?}", appearance.highest());
-        appearance.learn(&frame(&then), &mut cropper, place, TARGET.size());
-        appearance.respond();
+        assert!(!correlator.look_turned(&frame(&then), &mut cropper, DEGREES, |r| r > upright.response));
+        assert_eq!((correlator.turn(), correlator.highest().response), (0.0, upright.response));
+        assert!(correlator.look_turned(&frame(&then), &mut cropper, -DEGREES, |r| r > 1.2 * upright.response));
+        assert_eq!(correlator.turn(), -DEGREES);
+        assert!(distance(correlator.highest().centre, place) < 1.5, "{:?}", correlator.highest());
+        correlator.learn(&frame(&then), &mut cropper, place, TARGET.size());
+        correlator.respond();
         // The sample learned has the target in its middle.
-        assert!(distance(appearance.highest().centre, TARGET.centre()) < 1.5, "{:?}", appearance.highest());
+        assert!(distance(correlator.highest().centre, TARGET.centre()) < 1.5, "{:?}", correlator.highest());
     }
 
     /// What a mark costs, counted: a run of the network and a few steps for the true look, and then as much, or less, for each
     /// altered one, in a frame of its own.
     #[test]
     fn a_mark_costs_one_run_of_the_network_and_each_later_frame_one_look_more() {
-        let params = Params::default();
-        let cnn = network(&params, &Networks::default()).unwrap();
-        let params = params.lcmht;
-        let runs = |cnn: &Option<SharedCnn>| cnn::locked(cnn.as_ref().unwrap()).runs;
+        let (settings, cnn) = (with_network(), network());
+        let runs = |cnn: &Option<SharedCnn>| locked(cnn.as_ref().unwrap()).runs;
         let data = scene(1);
         let frame = Frame::new(&data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
         let mut cropper = Cropper::default();
-        let (mut appearance, _) = Appearance::new(&params, cnn.clone(), &frame, &mut cropper, &TARGET);
-        assert_eq!((runs(&cnn), appearance.filters.steps()), (1, vec![FIRST_STEPS; 2]));
+        let (mut correlator, _) = Correlator::new(&settings, cnn.clone(), &frame, &mut cropper, &TARGET);
+        assert_eq!((runs(&cnn), correlator.filters.steps()), (1, vec![FIRST_STEPS; 2]));
         // Blurred, and larger and smaller, for both filters; then mirrored, and turned, for the network's alone.
         const WEAK: usize = 4;
         const ALL: usize = 9;
         for look in 1..=ALL {
-            appearance.learn_look(&mut cropper);
+            correlator.learn_look(&mut cropper);
             let steps = [look.min(WEAK), look].map(|looks| FIRST_STEPS + LOOK_STEPS * looks);
-            assert_eq!((runs(&cnn), appearance.filters.steps()), (1 + look, steps.to_vec()));
+            assert_eq!((runs(&cnn), correlator.filters.steps()), (1 + look, steps.to_vec()));
         }
-        appearance.learn_look(&mut cropper);
+        correlator.learn_look(&mut cropper);
         assert_eq!(runs(&cnn), 1 + ALL, "nothing is left to learn");
     }
 
-    fn learn_looks(appearance: &mut Appearance, cropper: &mut Cropper) {
-        while !appearance.looks.is_empty() {
-            appearance.learn_look(cropper);
+    fn learn_looks(correlator: &mut Correlator, cropper: &mut Cropper) {
+        while !correlator.looks.is_empty() {
+            correlator.learn_look(cropper);
         }
     }
 
+    /// HOG, colour names, and two outputs of the embedded network.
+    fn with_network() -> AppearanceSettings {
+        let mut settings = AppearanceSettings::default();
+        let output = |i, components, energy| LayerSpec::scaled(Source::Network(i), Some(components), energy);
+        settings.layers.extend([output(0, 8, 0.1), output(1, 32, 0.2)]);
+        settings
+    }
+
+    fn network() -> Option<SharedCnn> {
+        let loaded = Request::of(&Params::default()).unwrap().load().unwrap();
+        Some(Arc::new(Mutex::new(loaded)))
+    }
+
     /// The response map of a filter trained on the first frame, to a scene that is a little blurred.
-    fn responses(change: impl Fn(&mut LcmhtParams)) -> Vec<f32> {
-        let mut params = Params::default();
-        change(&mut params.lcmht);
+    fn responses(change: impl Fn(&mut AppearanceSettings)) -> Vec<f32> {
+        let mut settings = with_network();
+        change(&mut settings);
         let [first, then] = [scene(1), scene(3)];
         let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
-        let (mut cropper, cnn) = (Cropper::default(), network(&params, &Networks::default()).unwrap());
-        let (mut appearance, _) = Appearance::new(&params.lcmht, cnn, &frame(&first), &mut cropper, &TARGET);
-        learn_looks(&mut appearance, &mut cropper);
-        appearance.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size(), 0.0);
-        appearance.view.response
+        let mut cropper = Cropper::default();
+        let (mut correlator, _) = Correlator::new(&settings, network(), &frame(&first), &mut cropper, &TARGET);
+        learn_looks(&mut correlator, &mut cropper);
+        correlator.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size(), 0.0);
+        correlator.view.response
     }
 
     #[test]
     fn a_separate_filter_of_the_network_has_its_share_of_the_response() {
-        let with_share = |share| responses(|params| params.cnn.share = share);
+        let separate = |share, regularisation| Some(NetworkFilterSettings { share, regularisation });
+        let usual = NetworkFilterSettings::default().regularisation;
+        let with_share = |share| responses(|settings| settings.network_filter = separate(share, usual));
         let [hand_crafted, network, both] = [0.0, 1.0, 0.3].map(with_share);
-        assert_eq!(hand_crafted, responses(|params| params.cnn.enabled = false));
+        assert_eq!(hand_crafted, responses(|settings| settings.layers.truncate(2)));
         let difference = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         let sum: Vec<f32> = hand_crafted.iter().zip(&network).map(|(h, n)| 0.7 * h + 0.3 * n).collect();
         assert!(difference(&both, &sum) < 1e-5);
         assert!(difference(&hand_crafted, &network) > 0.01);
-        assert!(difference(&both, &responses(|params| params.cnn.separate = false)) > 0.01);
+        assert!(difference(&both, &responses(|settings| settings.network_filter = None)) > 0.01);
         // The weight of its norm, and mirrored and turned looks, are for the network alone.
-        let smooth = |share| {
-            responses(|params| {
-                params.cnn.share = share;
-                params.cnn.regularisation = 10.0;
-            })
-        };
+        let smooth = |share| responses(|settings| settings.network_filter = separate(share, 10.0));
         assert_eq!(hand_crafted, smooth(0.0));
         let highest = |map: &[f32]| map.iter().copied().fold(0.0, f32::max);
         assert!(highest(&smooth(1.0)) < 0.9 * highest(&network));
         let upright = |share| {
-            responses(|params| {
-                params.cnn.share = share;
-                params.augment.mirror = false;
-                params.augment.turn = 0.0;
+            responses(|settings| {
+                settings.network_filter = separate(share, usual);
+                settings.looks = Some(LookSettings { mirror: false, turn: 0.0, ..LookSettings::default() });
             })
         };
         assert_eq!(hand_crafted, upright(0.0));
         assert!(difference(&network, &upright(1.0)) > 0.01);
+    }
+
+    #[test]
+    fn layers_of_a_network_that_is_not_there_are_left_out() {
+        let data = scene(1);
+        let frame = Frame::new(&data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
+        let trained = |settings| Correlator::new(&settings, None, &frame, &mut Cropper::default(), &TARGET).1;
+        assert_eq!(trained(with_network()), trained(AppearanceSettings::default()));
     }
 }

@@ -8,8 +8,9 @@ use std::sync::Arc;
 
 use rustfft::{Fft, FftPlanner, num_complex::Complex32};
 
-use super::response::highest;
 use crate::crop::{Cropper, Patch};
+use crate::dcf::response::highest;
+use crate::dcf::window::wrapped;
 use crate::features::hog::Hog;
 use crate::features::{CELL, FeatureMap};
 use crate::frame::{Frame, MIN_TARGET_SIDE};
@@ -50,7 +51,7 @@ impl ScaleFilter {
         let mut planner = FftPlanner::new();
         let (forward, inverse) = (planner.plan_fft_forward(SCALES), planner.plan_fft_inverse(SCALES));
         let mut label: [Complex32; SCALES] = std::array::from_fn(|i| {
-            let d = super::window::wrapped(i, SCALES) as f64 / LABEL_SIGMA;
+            let d = wrapped(i, SCALES) as f64 / LABEL_SIGMA;
             Complex32::new((-0.5 * d * d).exp() as f32, 0.0)
         });
         forward.process(&mut label);

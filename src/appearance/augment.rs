@@ -5,9 +5,9 @@
 //! Power of Deep Tracking*, ECCV 2018). As there, the strongest alterations are for the features of a network alone:
 //! gradients and colours tell where the target is, and know it less well when it may be turned.
 
+use super::settings::LookSettings;
 use crate::crop::Alteration;
 use crate::geometry::Rect;
-use crate::params::LcmhtAugment;
 
 /// How an altered look differs from the true one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,11 +19,8 @@ pub(super) struct Look {
 }
 
 /// The altered looks at the target in `rect`; the strong ones, mirrored and turned, where those are wanted.
-pub(super) fn looks(settings: &LcmhtAugment, rect: &Rect, strong: bool) -> Vec<Look> {
+pub(super) fn looks(settings: &LookSettings, rect: &Rect, strong: bool) -> Vec<Look> {
     let mut looks = Vec::new();
-    if !settings.enabled {
-        return looks;
-    }
     let altered = |alteration| Look { alteration, scale: 1.0 };
     if settings.blur > 0.0 {
         let reach = settings.blur * rect.scale();
@@ -52,11 +49,10 @@ pub(super) fn rate(i: usize, looks: usize) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::params::Params;
 
     #[test]
     fn looks_are_blurred_and_of_other_sizes_and_the_strong_ones_mirrored_and_turned() {
-        let settings = LcmhtAugment { blur: 0.1, scale: 1.25, turn: 30.0, ..Params::default().lcmht.augment };
+        let settings = LookSettings { blur: 0.1, scale: 1.25, mirror: true, turn: 30.0 };
         let rect = Rect::new(3.0, 4.0, 20.0, 45.0);
         let look = |blur, mirrored, turn, scale| Look { alteration: Alteration { blur, mirrored, turn }, scale };
         let sharp = [1.25, 0.8].map(|scale| look([0.0; 2], false, 0.0, scale));
@@ -67,13 +63,12 @@ mod tests {
         assert_eq!(looks(&settings, &rect, false), weak);
         let all = looks(&settings, &rect, true);
         assert_eq!(all, [&weak[..], &mirrored, &turned].concat());
-        assert_eq!(looks(&LcmhtAugment { blur: 0.0, ..settings.clone() }, &rect, false), sharp);
-        assert_eq!(looks(&LcmhtAugment { scale: 1.0, ..settings.clone() }, &rect, false), blurred);
-        let unturned = LcmhtAugment { turn: 0.0, ..settings.clone() };
+        assert_eq!(looks(&LookSettings { blur: 0.0, ..settings.clone() }, &rect, false), sharp);
+        assert_eq!(looks(&LookSettings { scale: 1.0, ..settings.clone() }, &rect, false), blurred);
+        let unturned = LookSettings { turn: 0.0, ..settings.clone() };
         assert_eq!(looks(&unturned, &rect, true), [&weak[..], &mirrored].concat());
-        let upright = LcmhtAugment { mirror: false, ..settings.clone() };
+        let upright = LookSettings { mirror: false, ..settings };
         assert_eq!(looks(&upright, &rect, true), [&weak[..], &turned].concat());
-        assert_eq!(looks(&LcmhtAugment { enabled: false, ..settings }, &rect, true), []);
     }
 
     #[test]

@@ -1,0 +1,271 @@
+//! Convolutional networks that run on image patches: any ONNX network that takes one image, and any of its outputs.
+//!
+//! A network is handed in as bytes, and so is the library that runs it: nothing here reads a file or the environment, or
+//! writes to a log. [`loader`](crate::loader) does that.
+//!
+//! What is looked at is resampled to the network's input size, whatever its shape, so that the maps cover just that.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `backend.rs` | what a library that runs networks must do |
+//! | `builtin.rs` | inference by tract, which is built in |
+//! | `depthwise.rs` | its convolutions of single channels, which ours replace |
+//! | `onnxruntime.rs` | inference by ONNX Runtime |
+
+mod backend;
+mod builtin;
+mod depthwise;
+#[cfg(feature = "onnxruntime")]
+mod onnxruntime;
+
+use std::fmt;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+pub use backend::Model;
+use backend::{Backend, Refusal};
+#[cfg(feature = "onnxruntime")]
+pub use onnxruntime::Runtime;
+
+use crate::crop::{Cropper, Patch};
+use crate::error::NetworkError;
+use crate::features::FeatureMap;
+use crate::frame::Frame;
+use crate::geometry::Rect;
+
+/// The intensity of the image that a network is tried out on.
+const GREY: f32 = 128.0;
+
+/// What a network is given, and what is wanted of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NetworkSettings {
+    /// Rows and columns of the input.
+    pub side: usize,
+    /// What is taken from the intensities (0 to 255), by input channel.
+    pub mean: [f32; 3],
+    /// What they are divided by then.
+    pub scale: [f32; 3],
+    /// Whether the input's channels are blue, green, red instead of red, green, blue.
+    pub bgr: bool,
+    /// Names of the outputs to use.
+    pub outputs: Vec<String>,
+    /// Threads of a run.
+    pub threads: usize,
+}
+
+/// What runs a network.
+#[derive(Clone)]
+pub enum Engine {
+    /// The built-in library.
+    Builtin,
+    /// ONNX Runtime, which has been opened.
+    #[cfg(feature = "onnxruntime")]
+    OnnxRuntime(Runtime),
+}
+
+/// A network that all targets of a tracker use, one at a time.
+pub type SharedCnn = Arc<Mutex<Cnn>>;
+
+/// The network behind the lock; nobody else uses it while a tracker does.
+pub fn locked(cnn: &SharedCnn) -> MutexGuard<'_, Cnn> {
+    cnn.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A network with the maps it made last.
+pub struct Cnn {
+    name: String,
+    settings: NetworkSettings,
+    network: Box<dyn Backend>,
+    patch: Patch,
+    /// The input, `3 x side x side`.
+    image: Vec<f32>,
+    maps: Vec<FeatureMap>,
+    /// Why the last run failed, if it did.
+    failure: Option<String>,
+    /// How often it has run since it was loaded.
+    #[cfg(test)]
+    pub(crate) runs: usize,
+}
+
+impl Cnn {
+    /// The network in `model`, which messages call `name`. Its input and outputs are checked, and it is tried out on a grey
+    /// image.
+    ///
+    /// # Errors
+    /// It is no network that `engine` runs, takes something else than an image of that size, lacks an output, or gives
+    /// values that are not finite.
+    pub fn new(name: &str, model: Model, settings: NetworkSettings, engine: &Engine) -> Result<Self, NetworkError> {
+        let grey = |(mean, scale): (&f32, &f32)| vec![(GREY - mean) / scale; settings.side * settings.side];
+        let image = settings.mean.iter().zip(&settings.scale).flat_map(grey).collect::<Vec<f32>>();
+        let mut maps = vec![FeatureMap::default(); settings.outputs.len()];
+        let network = checked(name, model, &settings, engine, &image, &mut maps)?;
+        Ok(Self {
+            name: name.to_owned(),
+            settings,
+            network,
+            patch: Patch::default(),
+            image,
+            maps,
+            failure: None,
+            #[cfg(test)]
+            runs: 0,
+        })
+    }
+
+    /// What messages call it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What it is given.
+    pub fn settings(&self) -> &NetworkSettings {
+        &self.settings
+    }
+
+    /// Computes the maps of what `window` shows. A run that fails leaves maps of zeros, to which nothing answers, and says why
+    /// in [`failure`](Self::failure).
+    pub fn compute(&mut self, frame: &Frame, window: &Rect, cropper: &mut Cropper) {
+        let mut patch = std::mem::take(&mut self.patch);
+        cropper.crop(frame, window, self.settings.side, self.settings.side, &mut patch);
+        self.compute_patch(&patch);
+        self.patch = patch;
+    }
+
+    /// Computes the maps of a patch of the input's size likewise.
+    pub fn compute_patch(&mut self, patch: &Patch) {
+        self.prepare(patch);
+        #[cfg(test)]
+        {
+            self.runs += 1;
+        }
+        self.failure = self.network.run(&self.image, self.settings.side, &mut self.maps).err();
+        if self.failure.is_some() {
+            self.maps.iter_mut().for_each(|map| map.data.fill(0.0));
+        }
+    }
+
+    /// Why the last run failed; `None` if it did not.
+    pub fn failure(&self) -> Option<&str> {
+        self.failure.as_deref()
+    }
+
+    /// The map of each output, in the order of [`NetworkSettings::outputs`].
+    pub fn maps(&self) -> &[FeatureMap] {
+        &self.maps
+    }
+
+    /// Fills the input from the patch: `(intensity - mean) / scale`, planes in the network's order. A patch without
+    /// colour is grey.
+    fn prepare(&mut self, patch: &Patch) {
+        let NetworkSettings { side, mean, scale, bgr, .. } = self.settings;
+        let planes = patch.planes();
+        for (channel, out) in self.image.chunks_exact_mut(side * side).enumerate() {
+            let colour = if bgr { 2 - channel } else { channel };
+            let plane = planes.get(colour).unwrap_or(&planes[0]);
+            let (mean, factor) = (mean[channel], 1.0 / scale[channel]);
+            out.iter_mut().zip(plane).for_each(|(o, &v)| *o = (f32::from(v) - mean) * factor);
+        }
+    }
+}
+
+impl fmt::Debug for Cnn {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Cnn").field("name", &self.name).field("settings", &self.settings).finish_non_exhaustive()
+    }
+}
+
+/// Lets the engine load the network, checks its input and outputs, and runs it once on `image`.
+fn checked(
+    name: &str,
+    model: Model,
+    settings: &NetworkSettings,
+    engine: &Engine,
+    image: &[f32],
+    maps: &mut [FeatureMap],
+) -> Result<Box<dyn Backend>, NetworkError> {
+    let NetworkSettings { side, outputs, threads, .. } = settings;
+    let refused = |refusal| refused(refusal, name, *side);
+    let network = match engine {
+        Engine::Builtin => builtin::load(model, outputs, *threads),
+        #[cfg(feature = "onnxruntime")]
+        Engine::OnnxRuntime(runtime) => runtime.load(&model, outputs, *threads),
+    };
+    let mut network = network.map_err(refused)?;
+    let declared = network.input();
+    let wanted = [1, 3, *side, *side];
+    let fits = declared.is_empty()
+        || declared.len() == wanted.len() && declared.iter().zip(wanted).all(|(d, w)| d.is_none_or(|d| d == w));
+    if !fits {
+        let length = |d: &Option<usize>| d.map_or("?".to_owned(), |d| d.to_string());
+        let got = declared.iter().map(length).collect::<Vec<_>>().join(" x ");
+        return Err(NetworkError::Input { file: name.to_owned(), got, side: *side });
+    }
+    network.run(image, *side, maps).map_err(|why| refused(Refusal::Format(why)))?;
+    for (output, map) in outputs.iter().zip(maps) {
+        if map.data.iter().any(|v| !v.is_finite()) {
+            return Err(NetworkError::NotFinite { file: name.to_owned(), name: output.clone() });
+        }
+    }
+    Ok(network)
+}
+
+fn refused(refusal: Refusal, file: &str, side: usize) -> NetworkError {
+    let file = file.to_owned();
+    match refusal {
+        Refusal::Format(why) => NetworkError::Format { file, why: why.replace('\n', " ") },
+        Refusal::Output { name, known } => NetworkError::Output { file, name, known: known.join(", ") },
+        Refusal::Inputs(count) => NetworkError::Input { file, got: format!("{count} inputs"), side },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Runs once, when it is tried out, and fails from then on.
+    struct Failing {
+        runs: u32,
+    }
+
+    impl Backend for Failing {
+        fn input(&self) -> Vec<Option<usize>> {
+            Vec::new()
+        }
+
+        fn run(&mut self, _: &[f32], _: usize, maps: &mut [FeatureMap]) -> Result<(), String> {
+            self.runs += 1;
+            maps[0].resize(1, 1, 1);
+            maps[0].data[0] = 1.0;
+            if self.runs == 2 { Err("out of memory".to_owned()) } else { Ok(()) }
+        }
+    }
+
+    #[test]
+    fn a_run_that_fails_leaves_zeros_and_says_why_until_one_succeeds() {
+        let settings = NetworkSettings {
+            side: 4,
+            mean: [0.0; 3],
+            scale: [1.0; 3],
+            bgr: false,
+            outputs: vec!["map".to_owned()],
+            threads: 1,
+        };
+        let mut cnn = Cnn {
+            name: "failing".to_owned(),
+            image: vec![0.0; 48],
+            settings,
+            network: Box::new(Failing { runs: 0 }),
+            patch: Patch::default(),
+            maps: vec![FeatureMap::default()],
+            failure: None,
+            runs: 0,
+        };
+        let data = [9u8; 16];
+        let frame = Frame::new(&data, 4, 4, 4, crate::frame::Encoding::Mono8, None).unwrap();
+        let mut seen = Vec::new();
+        for _ in 0..3 {
+            cnn.compute(&frame, &frame.bounds(), &mut Cropper::default());
+            seen.push((cnn.maps()[0].data[0], cnn.failure().map(str::to_owned)));
+        }
+        assert_eq!(seen, [(1.0, None), (0.0, Some("out of memory".to_owned())), (1.0, None)]);
+    }
+}

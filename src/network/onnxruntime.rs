@@ -1,0 +1,66 @@
+//! Inference by ONNX Runtime, whose shared library is opened elsewhere.
+
+use ort::environment::Environment;
+use ort::session::{HasSelectedOutputs, OutputSelector, RunOptions, Session};
+use ort::value::{TensorRef, ValueType};
+
+use super::backend::{Backend, Refusal, fill};
+use crate::features::FeatureMap;
+
+/// The library, opened.
+#[derive(Clone)]
+pub struct Runtime {
+    environment: Environment,
+}
+
+struct OnnxRuntime {
+    session: Session,
+    input: Vec<Option<usize>>,
+    outputs: Vec<String>,
+    options: RunOptions<HasSelectedOutputs>,
+}
+
+impl Runtime {
+    /// The library that made this environment.
+    pub fn new(environment: Environment) -> Self {
+        Self { environment }
+    }
+
+    /// Loads a model.
+    pub(super) fn load(&self, model: &[u8], outputs: &[String], threads: usize) -> Result<Box<dyn Backend>, Refusal> {
+        let format = |error: ort::Error| Refusal::Format(error.to_string());
+        let session = Session::builder(&self.environment)
+            .and_then(|builder| Ok(builder.with_intra_threads(threads)?))
+            .and_then(|mut builder| builder.commit_from_memory(model))
+            .map_err(format)?;
+        let [input] = session.inputs() else { return Err(Refusal::Inputs(session.inputs().len())) };
+        let input = match input.dtype() {
+            ValueType::Tensor { shape, .. } => shape.iter().map(|&side| usize::try_from(side).ok()).collect(),
+            _ => Vec::new(),
+        };
+        let known: Vec<String> = session.outputs().iter().map(|output| output.name().to_owned()).collect();
+        if let Some(name) = outputs.iter().find(|name| !known.contains(name)) {
+            return Err(Refusal::Output { name: name.clone(), known });
+        }
+        let selector = outputs.iter().fold(OutputSelector::no_default(), |selector, name| selector.with(name));
+        let options = RunOptions::new().map_err(format)?.with_outputs(selector);
+        Ok(Box::new(OnnxRuntime { session, input, outputs: outputs.to_vec(), options }))
+    }
+}
+
+impl Backend for OnnxRuntime {
+    fn input(&self) -> Vec<Option<usize>> {
+        self.input.clone()
+    }
+
+    fn run(&mut self, image: &[f32], side: usize, maps: &mut [FeatureMap]) -> Result<(), String> {
+        let image = TensorRef::from_array_view(([1, 3, side, side], image)).map_err(|error| error.to_string())?;
+        let values =
+            self.session.run_with_options(ort::inputs![image], &self.options).map_err(|error| error.to_string())?;
+        for (name, map) in self.outputs.iter().zip(maps) {
+            let (shape, data) = values[name.as_str()].try_extract_tensor::<f32>().map_err(|error| error.to_string())?;
+            fill(map, shape.iter().map(|&side| side as usize), data)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,59 @@
+//! What a tracker says of its targets.
+
+use std::sync::Arc;
+
+use crate::geometry::Rect;
+
+/// How sure the tracker is of where the target is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum State {
+    /// The target is where the box is.
+    #[default]
+    Tracking,
+    /// It probably is; nothing is learned from this frame.
+    Uncertain,
+    /// It is not in sight. The box is the best guess, and it is being searched for.
+    Lost,
+}
+
+impl State {
+    /// The name in CSV files and log lines.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Tracking => "tracking",
+            Self::Uncertain => "uncertain",
+            Self::Lost => "lost",
+        }
+    }
+}
+
+/// What is known of one target on one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Target {
+    /// Name of the target; the same from start to end.
+    pub id: Arc<str>,
+    /// Where it is, in pixels.
+    pub rect: Rect,
+    /// Velocity of the centre: pixels a second, or pixels a frame where frames bear no stamps.
+    pub velocity: [f64; 2],
+    /// Share of such boxes that can be expected to be right, 0 to 1.
+    pub confidence: f32,
+    /// Peak of the fused response map; of ETEPF, the mean likelihood within the box; of MAPTrack, how much of the target
+    /// moves or looks as it is remembered.
+    pub response: f32,
+    /// How sure the tracker is.
+    pub state: State,
+    /// Whether it was found again on this very frame.
+    pub reacquired: bool,
+    /// Frames since the start, skipped ones not counted.
+    pub age: u32,
+    /// Frames since it was lost; 0 while it is not.
+    pub lost_for: u32,
+}
+
+/// What a tracker says of one frame.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Output {
+    /// In the order of their starts; none before the first mark, unless the tracker finds them.
+    pub targets: Vec<Target>,
+}
