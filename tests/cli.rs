@@ -405,6 +405,34 @@ fn other_trackers_are_scored_beside_ours_and_our_own_boxes_read_back() {
 }
 
 #[test]
+fn halves_tell_what_holds_on_video_that_it_was_not_chosen_on() {
+    let dir = dataset();
+    let [boxes, worlds, report] = ["boxes", "kinds.csv", "report.json"].map(|name| dir.path().join(name));
+    std::fs::write(&worlds, "wa*,crowd\n").unwrap();
+    let args = ["--sequences", "walk", "--starts", "2", "--boxes", boxes.to_str().unwrap()];
+    assert_eq!(evaluate(dir.path(), &args).status.code(), Some(0));
+    let peer = format!("before={}", boxes.display());
+    let args = ["--peers-only", "--peer", &peer, "--peer", &peer, "--halves"];
+    let more = ["--worlds", worlds.to_str().unwrap(), "--json", report.to_str().unwrap()];
+    let output = evaluate(dir.path(), &[&args[..], &more].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let text = stdout(&output);
+    let line = text.lines().find(|line| line.trim_start().starts_with("crowd ")).expect("a line of the world");
+    assert!(line.contains("AUC 0."), "{line}");
+    // The sequences are late and walk: the only one that was run is in the second half.
+    assert!(text.contains("halves: A 1 sequences, B 1;") && text.contains("p 1.000"), "{text}");
+    let halves = &json(&report)["halves"];
+    assert_eq!(halves["halves"], serde_json::json!([["late"], ["walk"]]));
+    let group = &halves["setups"][1]["groups"][0];
+    assert_eq!((&group["name"], &group["summary"]["sequences"]), (&"B".into(), &1.into()));
+    assert_eq!(group["against_first"]["interval"]["mean"], 0.0, "the same boxes");
+    std::fs::write(&worlds, "walk\n").unwrap();
+    let output = evaluate(dir.path(), &[&args[..], &more].concat());
+    assert_refused(&output, 2, "kinds.csv, line 1: 'walk' is not sequence,world");
+    assert_refused(&evaluate(dir.path(), &["--worlds", "x"]), 2, "--halves");
+}
+
+#[test]
 fn several_starts_tell_how_much_hangs_on_luck() {
     let dir = dataset();
     let report = dir.path().join("report.json");

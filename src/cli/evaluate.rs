@@ -10,10 +10,12 @@ use clap::Parser;
 use super::{Error, params, progress, rows, tell};
 use crate::eval::attributes;
 use crate::eval::dataset::{self, Sequence};
+use crate::eval::halves::Halves;
 use crate::eval::page;
-use crate::eval::peers::{Peer, TIMES_FILE};
+use crate::eval::peers::{Peer, TIMES_FILE, start_folder};
 use crate::eval::report::{Hard, Report, Table};
 use crate::eval::run::{Run, Runs, Setup, Start, run_all};
+use crate::eval::worlds::{self, Worlds};
 use crate::params::{Assignment, Value, assignment};
 
 /// Score trackers on sequences with ground truth: one pass, no resets, by the rules of the object tracking
@@ -45,7 +47,7 @@ pub struct Args {
     set: Vec<Assignment>,
     /// Another tracker, whose boxes are read from DIR/SEQUENCE.txt or .csv: x,y,w,h a row, NaN = it says that the
     /// target is not in view, with or without its confidence in a fifth column; DIR/times.csv may hold
-    /// sequence,frames,seconds. May be given several times.
+    /// sequence,frames,seconds, and DIR/start-1, DIR/start-2, ... the same from other starts. May be given several times.
     #[arg(long = "peer", value_name = "NAME=DIR")]
     peers: Vec<Peer>,
     /// Runs nothing, and scores the peers alone.
@@ -55,6 +57,16 @@ pub struct Args {
     /// another seed. The tables are those of the first; how far the others differ is told below.
     #[arg(long, value_name = "N", default_value = "1")]
     starts: NonZeroUsize,
+    /// Tells as well whether a gain holds on video that it was not chosen on. Every second sequence by name is one half,
+    /// the rest the other; the best setup on each half is scored on the other. Means come with 95 % intervals (bootstrap
+    /// over sequences and starts), differences from the first setup with their p values. A setup whose difference from
+    /// the best is chance (p of 0.05 and more) counts as good: then the one that was given first is chosen.
+    #[arg(long)]
+    halves: bool,
+    /// Names the kinds of video for --halves: rows of sequence,world, where a sequence may end in *. By default the
+    /// dataset's worlds.csv, if there is one.
+    #[arg(long, value_name = "FILE", requires = "halves")]
+    worlds: Option<PathBuf>,
     /// Only these sequences, in this order.
     #[arg(long, value_name = "A,B,...", value_delimiter = ',')]
     sequences: Vec<String>,
@@ -73,6 +85,7 @@ pub struct Args {
     report: Option<PathBuf>,
     /// Writes the boxes as DIR/SEQUENCE.csv, or DIR/SETUP/SEQUENCE.csv where there are several algorithms or parameter
     /// files: the columns of track and the overlap with the true box; and a times.csv, so that --peer reads them again.
+    /// Of further starts in folders start-1, start-2 and so on.
     #[arg(long, value_name = "DIR")]
     boxes: Option<PathBuf>,
 }
@@ -85,6 +98,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<(), Error> {
     }
     let limit = args.frames.map_or(usize::MAX, NonZeroUsize::get);
     let sequences = dataset::load(&args.dataset, &args.sequences)?;
+    let worlds = worlds(args)?;
     let peers = args.peers.iter().map(|peer| peer.load(&sequences, limit)).collect::<Result<Vec<_>, _>>()?;
     let json = args.json.as_deref().map(create).transpose()?;
     let folders = folders(args, &setups)?;
@@ -106,9 +120,14 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<(), Error> {
     let hard = if args.report.is_some() { hard(&sequences, limit) } else { Vec::new() };
     let tables = setups.iter().zip(&ours).map(|(s, done)| Table::new(&s.name, Some(&s.params), done, &hard));
     let peers = args.peers.iter().zip(&theirs).map(|(peer, done)| Table::new(&peer.name, None, done, &hard));
-    let setups = tables.chain(peers).collect();
+    let setups: Vec<Table> = tables.chain(peers).collect();
     let dataset = args.dataset.display().to_string();
-    let report = Report { dataset, starts: starts.len(), attributes: hard, setups };
+    let halves = worlds.map(|worlds| {
+        let mut names: Vec<String> = sequences.iter().map(|sequence| sequence.name.clone()).collect();
+        alphanumeric_sort::sort_str_slice(&mut names);
+        Halves::new(&names, &setups, &worlds)
+    });
+    let report = Report { dataset, starts: starts.len(), attributes: hard, setups, halves };
 
     if let (Some(file), Some(path)) = (json, &args.json) {
         write_json(file, &report).map_err(|why| Error::Write { to: path.display().to_string(), why })?;
@@ -146,8 +165,20 @@ fn finished<'a>(setup: &Setup, sequences: &'a [Sequence], runs: &'a Runs) -> Don
 }
 
 /// Those of which there are boxes of another tracker.
-fn given<'a>(sequences: &'a [Sequence], runs: &'a [Option<Run>]) -> Done<'a> {
-    sequences.iter().zip(runs).filter_map(|(sequence, run)| Some((sequence, vec![run.as_ref()?]))).collect()
+fn given<'a>(sequences: &'a [Sequence], runs: &'a [Vec<Run>]) -> Done<'a> {
+    let all = sequences.iter().zip(runs).map(|(sequence, runs)| (sequence, runs.iter().collect::<Vec<_>>()));
+    all.filter(|(_, runs)| !runs.is_empty()).collect()
+}
+
+/// The worlds of the sequences, where halves are asked for.
+fn worlds(args: &Args) -> Result<Option<Worlds>, Error> {
+    let beside = args.dataset.join(worlds::FILE_NAME);
+    Ok(match &args.worlds {
+        _ if !args.halves => None,
+        Some(path) => Some(Worlds::read(path)?),
+        None if beside.exists() => Some(Worlds::read(&beside)?),
+        None => Some(Worlds::default()),
+    })
 }
 
 /// What makes the sequences hard. Of one that cannot be read that is not known, which is told.
@@ -214,18 +245,24 @@ fn write_json(file: File, report: &Report) -> Result<(), String> {
     writeln!(out).and_then(|()| out.flush()).map_err(|e| e.to_string())
 }
 
-/// Writes the boxes of the first run over each sequence, and how long it took.
+/// Writes the boxes of the runs over each sequence, and how long they took: a folder a start.
 fn write_boxes(folder: &Path, done: &[(&Sequence, Vec<&Run>)]) -> Result<(), Error> {
     let failed = |path: &Path, e: std::io::Error| Error::Write { to: path.display().to_string(), why: e.to_string() };
-    let mut times = "sequence,frames,seconds\n".to_owned();
-    for (sequence, runs) in done {
-        let path = folder.join(format!("{}.csv", sequence.name));
-        write_rows(&path, sequence, runs[0]).map_err(|e| failed(&path, e))?;
-        let seconds = runs[0].processor_time.unwrap_or_default().as_secs_f64();
-        times += &format!("{},{},{seconds:.3}\n", sequence.name, runs[0].answers.len());
+    let starts = done.iter().map(|(_, runs)| runs.len()).max().unwrap_or_default();
+    for start in 0..starts {
+        let folder = start_folder(folder, start);
+        create_folder(&folder)?;
+        let mut times = "sequence,frames,seconds\n".to_owned();
+        for (sequence, run) in done.iter().filter_map(|(sequence, runs)| Some((sequence, runs.get(start)?))) {
+            let path = folder.join(format!("{}.csv", sequence.name));
+            write_rows(&path, sequence, run).map_err(|e| failed(&path, e))?;
+            let seconds = run.processor_time.unwrap_or_default().as_secs_f64();
+            times += &format!("{},{},{seconds:.3}\n", sequence.name, run.answers.len());
+        }
+        let path = folder.join(TIMES_FILE);
+        std::fs::write(&path, times).map_err(|e| failed(&path, e))?;
     }
-    let path = folder.join(TIMES_FILE);
-    std::fs::write(&path, times).map_err(|e| failed(&path, e))
+    Ok(())
 }
 
 fn write_rows(path: &Path, sequence: &Sequence, run: &Run) -> std::io::Result<()> {

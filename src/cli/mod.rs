@@ -17,6 +17,7 @@ use crate::error::{NetworkError, ParamsError, StartError};
 use crate::eval::dataset::DatasetError;
 use crate::eval::page::PageError;
 use crate::eval::peers::PeerError;
+use crate::eval::worlds::WorldsError;
 use crate::params::{Assignment, NodeName, Params, Phase, Value, file};
 use crate::record::RecordError;
 use crate::replay::ReplayError;
@@ -51,6 +52,9 @@ pub enum Error {
     /// The boxes of another tracker cannot be used.
     #[error(transparent)]
     Peer(#[from] PeerError),
+    /// The worlds of the sequences cannot be read.
+    #[error(transparent)]
+    Worlds(#[from] WorldsError),
     /// The report cannot be made.
     #[error(transparent)]
     Page(#[from] PageError),

@@ -6,6 +6,7 @@
 //!   -> otb, long_term, absences, losses, calibration       one figure each
 //!   -> figures         all of one sequence, and of several; attributes say which sequences are hard in what
 //!   -> report, spread  all of one setup; the same started several times
+//!   -> halves          what holds on video that it was not chosen on, by bootstrap; worlds name kinds of video
 //!   -> text            for the terminal; JSON comes by serde
 //!   -> page            for a browser: diagrams, tables, and the worst moments in pictures
 //! ```
@@ -13,9 +14,11 @@
 pub mod absences;
 pub mod answer;
 pub mod attributes;
+pub mod bootstrap;
 pub mod calibration;
 pub mod dataset;
 pub mod figures;
+pub mod halves;
 pub mod long_term;
 pub mod losses;
 pub mod moments;
@@ -27,3 +30,4 @@ pub mod run;
 pub mod spread;
 pub mod text;
 pub mod trajectory;
+pub mod worlds;

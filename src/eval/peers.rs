@@ -6,6 +6,8 @@
 //! `state` is tracking, uncertain or lost, other columns are skipped.
 //!
 //! In `times.csv` of the folder may stand how long the tracker took: `sequence,frames,seconds`.
+//!
+//! Further folders in it, `start-1`, `start-2` and so on, hold the same of runs that were started a little differently.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -20,6 +22,11 @@ use crate::tracker::State;
 const EXTENSIONS: [&str; 2] = ["txt", "csv"];
 /// The file of times.
 pub const TIMES_FILE: &str = "times.csv";
+
+/// The folder of the boxes from a start: that of the plain one is `folder` itself.
+pub fn start_folder(folder: &Path, start: usize) -> PathBuf {
+    if start == 0 { folder.to_owned() } else { folder.join(format!("start-{start}")) }
+}
 
 /// Why the files of another tracker cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -61,30 +68,38 @@ impl std::str::FromStr for Peer {
 }
 
 impl Peer {
-    /// What the tracker said of each sequence, `None` of one that it has no file of. As many rows as the sequence has
-    /// frames, at most `limit`, must be there; further ones are skipped.
-    pub fn load(&self, sequences: &[Sequence], limit: usize) -> Result<Vec<Option<Run>>, PeerError> {
-        let times = times(&self.path.join(TIMES_FILE))?;
-        let run = |sequence: &Sequence| {
-            let file = |extension| self.path.join(format!("{}.{extension}", sequence.name));
-            let Some(path) = EXTENSIONS.map(file).into_iter().find(|p| p.exists()) else { return Ok(None) };
-            let frames = sequence.truth.len().min(limit);
-            let mut answers = answers(&path)?;
-            if answers.len() < frames {
-                return Err(PeerError::Rows { path, rows: answers.len(), frames });
-            }
-            answers.truncate(frames);
-            // A run over another number of frames had another speed, but the rate is what matters.
-            let time = times.iter().find(|t| t.0 == sequence.name).filter(|t| t.1 > 0);
-            let processor_time = time.map(|&(_, count, seconds)| seconds.mul_f64(frames as f64 / count as f64));
-            Ok(Some(Run { answers, processor_time }))
-        };
-        let runs = sequences.iter().map(run).collect::<Result<Vec<_>, _>>()?;
-        if runs.iter().all(Option::is_none) {
+    /// What the tracker said of each sequence from each start; nothing of one that it has no file of. As many rows as the
+    /// sequence has frames, at most `limit`, must be there; further ones are skipped.
+    pub fn load(&self, sequences: &[Sequence], limit: usize) -> Result<Vec<Vec<Run>>, PeerError> {
+        let folders = (0..).map(|start| start_folder(&self.path, start)).take_while(|folder| folder.is_dir());
+        let mut starts = folders.map(|folder| load_start(&folder, sequences, limit)).collect::<Result<Vec<_>, _>>()?;
+        let by_start = |i: usize| starts.iter_mut().map_while(|runs| runs[i].take()).collect();
+        let runs: Vec<Vec<Run>> = (0..sequences.len()).map(by_start).collect();
+        if runs.iter().all(Vec::is_empty) {
             return Err(PeerError::Empty(self.path.clone()));
         }
         Ok(runs)
     }
+}
+
+/// What the files of one folder say of each sequence.
+fn load_start(folder: &Path, sequences: &[Sequence], limit: usize) -> Result<Vec<Option<Run>>, PeerError> {
+    let times = times(&folder.join(TIMES_FILE))?;
+    let run = |sequence: &Sequence| {
+        let file = |extension| folder.join(format!("{}.{extension}", sequence.name));
+        let Some(path) = EXTENSIONS.map(file).into_iter().find(|p| p.exists()) else { return Ok(None) };
+        let frames = sequence.truth.len().min(limit);
+        let mut answers = answers(&path)?;
+        if answers.len() < frames {
+            return Err(PeerError::Rows { path, rows: answers.len(), frames });
+        }
+        answers.truncate(frames);
+        // A run over another number of frames had another speed, but the rate is what matters.
+        let time = times.iter().find(|t| t.0 == sequence.name).filter(|t| t.1 > 0);
+        let processor_time = time.map(|&(_, count, seconds)| seconds.mul_f64(frames as f64 / count as f64));
+        Ok(Some(Run { answers, processor_time }))
+    };
+    sequences.iter().map(run).collect()
 }
 
 fn lines(path: &Path) -> Result<Vec<(usize, String)>, PeerError> {
@@ -261,8 +276,13 @@ mod tests {
         assert!(message(9).ends_with("c.txt: 2 rows, but 3 frames"));
         write(TIMES_FILE, "sequence,frames,seconds\nc,20,4.0\n");
         let runs = peer.load(&sequences, 2).unwrap();
-        let seen: Vec<_> = runs.iter().map(|r| r.as_ref().map(|r| (r.answers.len(), r.processor_time))).collect();
+        let seen: Vec<_> = runs.iter().map(|r| r.first().map(|r| (r.answers.len(), r.processor_time))).collect();
         assert_eq!(seen, [Some((2, None)), None, Some((2, Some(Duration::from_millis(400))))]);
+        std::fs::create_dir(dir.path().join("start-1")).unwrap();
+        write("start-1/a.csv", "x,y,w,h\n5,2,3,4\n5,2,3,4\n");
+        let starts = peer.load(&sequences, 2).unwrap();
+        assert_eq!(starts.iter().map(Vec::len).collect::<Vec<_>>(), [2, 0, 1]);
+        assert_eq!(starts[0][1].answers[0].rect.x, 5.0);
         write(TIMES_FILE, "sequence,frames,seconds\nc,20\n");
         assert!(message(2).ends_with("times.csv, line 2: 'c,20': it must hold sequence,frames,seconds"));
         assert_eq!("other".parse::<Peer>(), Err("it must be NAME=DIR".to_owned()));

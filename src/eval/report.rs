@@ -18,6 +18,10 @@
 //!   spread         precision, auc, held, each {runs[], mean, spread}
 //!   attributes[]   attribute, sequences, precision, auc, held, long_term{}
 //!   sequences[]    name, spread, and all that mean has
+//! halves           halves[2][], crossed{SUMMARY}
+//!   setups[]       name, groups[]{name, summary{SUMMARY}, against_first{sequences, interval, p}}
+//!   choices[]      on, setup, on_other{SUMMARY}
+//! SUMMARY          sequences, precision, auc, held, each {mean, low, high}
 //! ```
 //!
 //! What is not known is null.
@@ -29,6 +33,7 @@ use serde::Serialize;
 use super::attributes::Attribute;
 use super::dataset::Sequence;
 use super::figures::{Figures, Scored, mean};
+use super::halves::Halves;
 use super::long_term::LongTerm;
 use super::run::Run;
 use super::spread::Spreads;
@@ -45,6 +50,8 @@ pub struct Report {
     pub attributes: Vec<Hard>,
     /// One a set of parameters, then one another tracker.
     pub setups: Vec<Table>,
+    /// What holds on the half that it was not chosen on, where that was asked for.
+    pub halves: Option<Halves>,
 }
 
 /// The sequences that are hard in one way.

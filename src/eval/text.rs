@@ -3,7 +3,9 @@
 use std::fmt::{self, Write as _};
 
 use super::absences::Delay;
+use super::bootstrap::Interval;
 use super::figures::Figures;
+use super::halves::{Choice, Halves, Standing, Summary};
 use super::report::{Report, Table};
 use super::spread::Spread;
 
@@ -16,7 +18,10 @@ impl fmt::Display for Report {
         for table in &self.setups {
             writeln!(f, "{table}")?;
         }
-        if self.setups.len() > 1 { comparison(self, f) } else { Ok(()) }
+        if self.setups.len() > 1 {
+            comparison(self, f)?;
+        }
+        self.halves.as_ref().map_or(Ok(()), |halves| write!(f, "\n{halves}"))
     }
 }
 
@@ -116,6 +121,42 @@ fn runs(figure: &Spread) -> Result<String, fmt::Error> {
     Ok(line)
 }
 
+/// A line a setup and group, and what each half chooses.
+impl fmt::Display for Halves {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [a, b] = self.halves.each_ref().map(Vec::len);
+        writeln!(f, "halves: A {a} sequences, B {b}; means with 95 % intervals; last, the AUC less that of the first")?;
+        let groups = || self.setups.iter().flat_map(|setup| &setup.groups);
+        let width = width(groups().map(|group| group.name.as_str()));
+        self.setups.iter().try_for_each(|setup| standing(setup, width, f))?;
+        let told = |Choice { on, setup, on_other }: &Choice| {
+            format!("chosen on {on}: {setup}; on the other half {}", summary(on_other))
+        };
+        self.choices.iter().try_for_each(|choice| writeln!(f, "{}", told(choice)))?;
+        let Some(crossed) = &self.crossed else { return Ok(()) };
+        writeln!(f, "each half by what the other chose: {}", summary(crossed))
+    }
+}
+
+fn standing(setup: &Standing, width: usize, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    writeln!(f, "{}", setup.name)?;
+    for group in &setup.groups {
+        write!(f, "  {:width$} {:3} {}", group.name, group.summary.sequences, summary(&group.summary))?;
+        if let Some(d) = &group.against_first {
+            let Interval { mean, low, high } = d.interval;
+            write!(f, "  {mean:+.3} [{low:+.3} {high:+.3}] p {:.3}", d.p)?;
+        }
+        writeln!(f)?;
+    }
+    Ok(())
+}
+
+fn summary(summary: &Summary) -> String {
+    let told = |i: &Interval| format!("{:.3} [{:.3} {:.3}]", i.mean, i.low, i.high);
+    let Summary { precision, auc, held, .. } = summary;
+    format!("prec {} AUC {} held {}", told(precision), told(auc), told(held))
+}
+
 /// One line a setup.
 fn comparison(report: &Report, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let width = width(report.setups.iter().map(|t| t.name.as_str()));
@@ -206,12 +247,29 @@ long-term: precision 0.000, recall 0.000, F 0.625
     #[test]
     fn several_setups_are_compared_at_the_end() {
         let setups = vec![table("lcmht", figures()), table("CSRT", Figures { fps: Some(40.0), ..figures() })];
-        let text = Report { dataset: String::new(), starts: 1, attributes: Vec::new(), setups }.to_string();
+        let text =
+            Report { dataset: String::new(), starts: 1, attributes: Vec::new(), setups, halves: None }.to_string();
         let expected = "
       sequences   prec    AUC   held      F  calib    fps
 lcmht         1  0.750  0.500  1.000  0.625      -      -
 CSRT          1  0.750  0.500  1.000  0.625      -     40
 ";
         assert!(text.ends_with(expected), "{text}");
+    }
+
+    #[test]
+    fn halves_are_told_with_what_each_chooses() {
+        let mut report =
+            Report { dataset: String::new(), starts: 1, attributes: Vec::new(), setups: Vec::new(), halves: None };
+        report.setups = vec![table("plain", figures()), table("better", Figures { auc: 0.75, ..figures() })];
+        report.halves = Some(Halves::new(&["walk".to_owned()], &report.setups, &Default::default()));
+        let text = report.to_string();
+        for line in [
+            "halves: A 1 sequences, B 0; means with 95 % intervals; last, the AUC less that of the first\n",
+            "plain\n  A     1 prec 0.750 [0.750 0.750] AUC 0.500 [0.500 0.500] held 1.000 [1.000 1.000]\n",
+            "AUC 0.750 [0.750 0.750] held 1.000 [1.000 1.000]  +0.250 [+0.250 +0.250] p 1.000\n",
+        ] {
+            assert!(text.contains(line), "{line}\nis not in\n{text}");
+        }
     }
 }

@@ -268,7 +268,7 @@ mod tests {
             sequences: Vec::new(),
         };
         let setups = peers.iter().enumerate().map(table).collect();
-        Report { dataset: String::new(), starts: 1, attributes: Vec::new(), setups }
+        Report { dataset: String::new(), starts: 1, attributes: Vec::new(), setups, halves: None }
     }
 
     /// Colours of lines, in the order in which they are drawn.

@@ -249,7 +249,7 @@ mod tests {
             Table::new("ours'", Some(&Params::default()), &done, &hard),
             Table::new("<i>theirs", None, &[(&sequence, vec![&run])], &hard),
         ];
-        let report = Report { dataset: "data & more".to_owned(), starts: 2, attributes: hard, setups };
+        let report = Report { dataset: "data & more".to_owned(), starts: 2, attributes: hard, setups, halves: None };
         (report, sequence, run)
     }
 
