@@ -93,6 +93,14 @@ fn a_second_node_of_the_name_is_told() {
     assert_eq!(log.matches("is named /tracker too").count(), 1, "{log}");
 }
 
+#[test]
+fn a_node_that_ends_says_goodbye() {
+    let domain = domain();
+    let node = Node::start(domain, &[]);
+    peer(domain, "goodbye", &[&node.id().to_string()]).succeed(&node);
+    assert_eq!(node.finish().0, Some(0));
+}
+
 /// What was announced out of order was lost to some, so that a node stayed unseen for as long as both lived.
 #[test]
 fn nodes_that_start_at_once_are_all_seen() {

@@ -22,6 +22,8 @@ IMAGE = "rt/image", "sensor_msgs::msg::dds_::Image_"
 TRACKS = "rt/tracker/tracks", "long_term_tracker::msg::dds_::TrackArray_"
 # What the node may take for a while, in MB: far below what each of the messages claims.
 ROOM = 64
+# Seconds far below the lease of a participant, which is 20 s at least.
+LEASE = 8
 PTRACE_ATTACH, PTRACE_DETACH, WALL = 16, 17, 0x40000000
 
 
@@ -389,6 +391,19 @@ def namesake(name):
     peer = Peer(name=name)
     peer.spin_until(lambda: "/tracker" in peer.listed(), "the node is listed")
     peer.connect()
+    peer.close()
+
+
+def goodbye(node_pid):
+    """A node that ends in order is gone from the network at once, and not when its lease has ended."""
+    peer = Peer()
+    marks = peer.node.create_publisher(RegionOfInterest, "/tracker/init_roi", 10)
+    peer.spin_until(lambda: "/tracker" in peer.listed() and marks.get_subscription_count() == 1, "the node is seen")
+    os.kill(int(node_pid), signal.SIGINT)
+    begun = time.monotonic()
+    peer.spin_until(lambda: marks.get_subscription_count() == 0, "its subscriptions are gone", LEASE)
+    peer.spin_until(lambda: "/tracker" not in peer.listed(), "it is gone", LEASE)
+    print(f"gone {time.monotonic() - begun:.2f} s after the signal")
     peer.close()
 
 
