@@ -21,6 +21,8 @@
 mod motion;
 mod neighbours;
 mod settings;
+#[cfg(test)]
+mod tests;
 mod turn;
 
 use std::sync::Arc;
@@ -78,6 +80,40 @@ struct Followed {
     updates: u32,
     lost_for: u32,
     reacquired: bool,
+}
+
+/// Where a target is expected.
+#[derive(Clone, Copy)]
+struct Expected {
+    place: [f64; 2],
+    /// Frame periods since the frame before.
+    elapsed: f64,
+}
+
+/// What a frame tells of a target: it goes from stage to stage.
+struct Localised {
+    /// Where it was expected.
+    expected: Expected,
+    /// The filter's answer there: `(x_k, y_k)` and `max(r)` of Algorithm 1.
+    answer: Answer,
+    /// Where it is taken to be.
+    rect: Rect,
+    /// The response there.
+    response: f64,
+    /// The response as far as the detector lets it count.
+    judged: f64,
+    /// How sure it was in the frame before, and is now.
+    before: State,
+    state: State,
+    /// Whether it moved so little that its size can be told: what moves fast is blurred, which looks like another size.
+    steady: bool,
+}
+
+impl Localised {
+    /// Whether it was found again in this frame.
+    fn is_reacquired(&self) -> bool {
+        self.before == State::Lost && self.state == State::Tracking
+    }
 }
 
 impl Lcmht {
@@ -195,79 +231,49 @@ impl Followed {
     /// Follows the target into the next frame: Algorithm 1.
     fn step(&mut self, frame: &Frame, cropper: &mut Cropper, dt: f64, trace: &mut dyn Trace) {
         self.age = self.age.saturating_add(1);
-        let was_lost = self.appearance.state() == State::Lost;
-
         trace.stage(Stage::Features);
-        let (expected, dt) = self.look(frame, cropper, dt);
-        self.motion.predict(dt);
-        trace.prediction(Rect::around(expected, self.rect.size()));
+        let expected = self.look(frame, cropper, dt, trace);
+        trace.stage(Stage::Localise);
+        let mut localised = self.localise(expected, frame, cropper);
+        self.watch_neighbours(&localised, frame, cropper, trace);
+        self.measure(&localised);
+        if localised.state == State::Lost {
+            trace.stage(Stage::Redetect);
+            self.redetect(&mut localised, frame, cropper, trace);
+        }
+        self.settle(&localised, frame, cropper, trace);
+        trace.stage(Stage::Learn);
+        self.learn(&localised, frame, cropper);
+    }
+
+    /// Looks for the target where it is expected, in turned pictures as well if it answers poorly: features and response map
+    /// (eqs 5 and 6). Moves what is known of motion on to this frame.
+    fn look(&mut self, frame: &Frame, cropper: &mut Cropper, dt: f64, trace: &mut dyn Trace) -> Expected {
+        let expected = self.look_ahead(frame, cropper, dt);
+        self.motion.predict(expected.elapsed);
+        self.neighbours.predict(expected.elapsed);
+        trace.prediction(Rect::around(expected.place, self.rect.size()));
         self.blind = self.appearance.correlator.is_blank();
         self.look_turned(frame, cropper);
         self.appearance.correlator.show(trace);
-
-        trace.stage(Stage::Localise);
-        self.neighbours.predict(dt);
-        let mut answer = self.localise(expected);
-        let colour = frame.encoding().is_colour();
-        if !self.blind && colour != std::mem::replace(&mut self.colour, colour) {
-            // Without colour the filter answers less to the same target.
-            self.appearance.confidence.rebase(answer.response);
-        }
-        self.judged = answer.response * self.opinion(&answer, frame, cropper);
-        if self.appearance.confidence.assess(self.judged) == State::Tracking {
-            self.turn.settle(self.appearance.correlator.turn());
-        }
-        self.watch_neighbours(&answer, frame, cropper);
-        self.neighbours.show(self.rect.size(), trace);
-        // What moves fast is blurred, which looks like another size.
-        let before = self.rect.centre();
-        if !self.blind {
-            self.rect = Rect::around(self.place(&answer, expected, frame), self.rect.size());
-        }
-        let steady = distance(before, self.rect.centre()) <= self.params.scale.max_step * self.rect.scale() * dt;
-
-        if self.appearance.state() == State::Lost {
-            trace.stage(Stage::Redetect);
-            if let Some(found) = self.reacquire(answer, frame, cropper, trace) {
-                self.appearance.confidence.found();
-                answer = found;
-                self.judged = found.response;
-                self.rect = Rect::around(found.centre, self.rect.size());
-            }
-        }
-        self.response = answer.response;
-        let tracking = self.appearance.state() == State::Tracking;
-        self.reacquired = was_lost && tracking;
-        self.lost_for = if self.appearance.state() == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
-
-        if tracking && !self.reacquired && steady && self.params.scale.enabled {
-            trace.stage(Stage::Scale);
-            self.rect = self.appearance.resized(frame, cropper, &self.rect);
-        }
-        self.move_on(expected);
-        trace.stage(Stage::Learn);
-        if !self.reacquired && (tracking || !self.params.confidence.gate) {
-            self.learn(frame, cropper);
-        }
-        // What the mark left to learn of the first frame: a little in each of the next.
-        self.appearance.correlator.learn_look(cropper);
+        expected
     }
 
     /// Looks where the target is expected `dt` frames later. Stamps tell of a gap where frames were skipped, and likewise where
     /// none was and the link stalled; so where that makes another place of it, the next frame's is looked at as well, and the
     /// better answer says how many frames have passed. Not for a lost one: the more looks, the more often something else is
-    /// taken for it. Gives the place that was expected, and the frames.
-    fn look(&mut self, frame: &Frame, cropper: &mut Cropper, dt: f64) -> ([f64; 2], f64) {
+    /// taken for it.
+    fn look_ahead(&mut self, frame: &Frame, cropper: &mut Cropper, dt: f64) -> Expected {
         let Self { appearance: Appearance { correlator, confidence, .. }, motion, rect, turn, .. } = self;
         let [later, next] = [dt, 1.0].map(|dt| frame.nearest(motion.expected(rect.centre(), dt)));
         correlator.look(frame, cropper, later, rect.size(), turn.degrees());
         if confidence.state() != State::Lost && distance(later, next) > OTHER_PLACE * rect.scale() {
             let response = correlator.highest().response;
             if correlator.look_around(frame, cropper, next, |other| other > response) {
-                return (next, 1.0);
+                return Expected { place: next, elapsed: 1.0 };
             }
         }
-        (later, dt)
+        Expected { place: later, elapsed: dt }
     }
 
     /// Looks for a target that answers poorly in turned pictures as well, and stays with the first in which it is certain
@@ -288,9 +294,33 @@ impl Followed {
         turn.chose(chosen);
     }
 
+    /// Finds the target in the response map (eq 7), and says how sure that is.
+    fn localise(&mut self, expected: Expected, frame: &Frame, cropper: &mut Cropper) -> Localised {
+        let answer = self.best(expected.place);
+        let colour = frame.encoding().is_colour();
+        if !self.blind && colour != std::mem::replace(&mut self.colour, colour) {
+            // Without colour the filter answers less to the same target.
+            self.appearance.confidence.rebase(answer.response);
+        }
+        let judged = answer.response * self.opinion(&answer, frame, cropper);
+        let before = self.appearance.state();
+        let state = self.appearance.confidence.assess(judged);
+        if state == State::Tracking {
+            self.turn.settle(self.appearance.correlator.turn());
+        }
+        let rect = if self.blind {
+            self.rect
+        } else {
+            Rect::around(self.place(&answer, expected.place, frame), self.rect.size())
+        };
+        let step = distance(self.rect.centre(), rect.centre());
+        let steady = step <= self.params.scale.max_step * rect.scale() * expected.elapsed;
+        Localised { expected, answer, rect, response: answer.response, judged, before, state, steady }
+    }
+
     /// The best answer of the filter, unless a neighbour explains it and another one is left for the target: then that
     /// which makes target and neighbours together most likely.
-    fn localise(&mut self, expected: [f64; 2]) -> Answer {
+    fn best(&mut self, expected: [f64; 2]) -> Answer {
         let Self { appearance: Appearance { correlator, confidence, .. }, motion, neighbours, rect, .. } = self;
         let favourite = correlator.best(|place| motion.prior(expected, place));
         let (answers, unit) = (correlator.answers(), rect.scale());
@@ -317,25 +347,6 @@ impl Followed {
         (1.0 + self.params.svm.opinion * margin).clamp(0.0, 1.0)
     }
 
-    /// Follows what looks like the target, the target itself being at `answer` if that is certain. Then other peaks that the
-    /// detector takes for it as well become neighbours.
-    fn watch_neighbours(&mut self, answer: &Answer, frame: &Frame, cropper: &mut Cropper) {
-        let Self { appearance: Appearance { correlator, confidence, .. }, neighbours, detector, rect, .. } = self;
-        let (answers, usual, unit) = (correlator.answers(), confidence.usual(), rect.scale());
-        let certain = confidence.is_certain(answer.response);
-        neighbours.follow(answers, certain.then_some(answer.centre), usual, unit);
-        if !certain {
-            return;
-        }
-        for (i, other) in answers.iter().enumerate() {
-            if neighbours.is_new(i, other, answer.centre, usual, unit)
-                && detector.margin(frame, cropper, &Rect::around(other.centre, rect.size())) >= ALIKE
-            {
-                neighbours.add(other.centre);
-            }
-        }
-    }
-
     /// Where the target is taken to be: at the answer as far as the filter's response is believed, else where it was expected.
     /// The detector's opinion decides whether the target is there at all, not where. Without the gate it is at the answer, as
     /// in the paper.
@@ -350,36 +361,84 @@ impl Followed {
         frame.nearest([between(0), between(1)])
     }
 
-    /// Takes up a lost target where the correlation filter and the detector agree that it is: where it was expected, or
-    /// where the detector proposes.
-    fn reacquire(
+    /// Follows what looks like the target, the target itself being at the answer if that is certain. Then other peaks that the
+    /// detector takes for it as well become neighbours.
+    fn watch_neighbours(&mut self, found: &Localised, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) {
+        let Self { appearance: Appearance { correlator, confidence, .. }, neighbours, detector, rect, .. } = self;
+        let (answers, usual, unit) = (correlator.answers(), confidence.usual(), rect.scale());
+        let Answer { centre, response } = found.answer;
+        let certain = confidence.is_certain(response);
+        neighbours.follow(answers, certain.then_some(centre), usual, unit);
+        if certain {
+            for (i, other) in answers.iter().enumerate() {
+                if neighbours.is_new(i, other, centre, usual, unit)
+                    && detector.margin(frame, cropper, &Rect::around(other.centre, rect.size())) >= ALIKE
+                {
+                    neighbours.add(other.centre);
+                }
+            }
+        }
+        neighbours.show(rect.size(), trace);
+    }
+
+    /// Updates the GM-PHD filter by the estimated position, so that it knows the target's motion when that has to be found again.
+    /// Without the gate this is done in every frame, as in Algorithm 1; otherwise the position must be believed first: see
+    /// [`settle`](Self::settle).
+    fn measure(&mut self, found: &Localised) {
+        if self.params.confidence.gate {
+            return;
+        }
+        if self.blind {
+            self.motion.missed();
+        } else {
+            self.motion.saw(&found.rect, found.expected.place);
+        }
+    }
+
+    /// Takes up a lost target where the correlation filter and the detector agree that it is: where it was expected, or where
+    /// the detector proposes and the GM-PHD filter finds it most likely.
+    fn redetect(&mut self, found: &mut Localised, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) {
+        let again = self.again(found, frame, cropper).or_else(|| self.proposed(found, frame, cropper, trace));
+        if let Some(Answer { centre, response }) = again {
+            self.appearance.confidence.found();
+            found.state = self.appearance.state();
+            (found.response, found.judged) = (response, response);
+            found.rect = Rect::around(centre, self.rect.size());
+        }
+    }
+
+    /// The answer where the target was expected, if that is the target. Without the gate it stays in the image.
+    fn again(&mut self, found: &Localised, frame: &Frame, cropper: &mut Cropper) -> Option<Answer> {
+        let mut answer = found.answer;
+        if !self.params.confidence.gate {
+            answer.centre = found.rect.centre();
+        }
+        let is_it = self.appearance.confidence.is_certain(answer.response) && self.is_it(&answer, frame, cropper);
+        is_it.then_some(answer)
+    }
+
+    /// The detector's proposals, filtered by the GM-PHD filter; the heaviest component as the correlation filter sees it, if
+    /// that is the target. Without the gate the target is where that component is, as in Algorithm 1, otherwise where the
+    /// filter answers best around it.
+    fn proposed(
         &mut self,
-        expected: Answer,
+        found: &Localised,
         frame: &Frame,
         cropper: &mut Cropper,
         trace: &mut dyn Trace,
     ) -> Option<Answer> {
-        if self.appearance.confidence.is_certain(expected.response) && self.is_it(&expected, frame, cropper) {
-            return Some(expected);
-        }
-        let proposed = self.redetect(frame, cropper, trace)?;
-        (self.appearance.confidence.is_convincing(proposed.response) && self.is_it(&proposed, frame, cropper))
-            .then_some(proposed)
-    }
-
-    /// The detector's proposals, filtered by the GM-PHD filter; the heaviest component as the correlation filter sees it.
-    fn redetect(&mut self, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) -> Option<Answer> {
-        self.detector.scan(frame, cropper, &self.rect, &mut self.proposals);
+        self.detector.scan(frame, cropper, &found.rect, &mut self.proposals);
         trace.proposals(&self.proposals);
         let heaviest = self.motion.filter(self.proposals.iter().map(|p| p.rect))?;
-        self.appearance.correlator.look(
-            frame,
-            cropper,
-            frame.nearest(heaviest.centre()),
-            self.rect.size(),
-            self.turn.degrees(),
-        );
-        Some(self.appearance.correlator.highest())
+        let place = frame.nearest(heaviest.centre());
+        let correlator = &mut self.appearance.correlator;
+        correlator.look(frame, cropper, place, self.rect.size(), self.turn.degrees());
+        let mut answer = correlator.highest();
+        if !self.params.confidence.gate {
+            answer.centre = place;
+        }
+        let is_it = self.appearance.confidence.is_convincing(answer.response) && self.is_it(&answer, frame, cropper);
+        is_it.then_some(answer)
     }
 
     /// Whether the detector takes what is there for the target, and it is no neighbour.
@@ -391,28 +450,43 @@ impl Followed {
         self.detector.margin(frame, cropper, &place) >= self.params.svm.least_margin
     }
 
-    /// Tells the motion model what has become of the target. The GM-PHD filter is updated by each position that is
-    /// believed, so that it knows the target's motion when it has to be found again.
-    fn move_on(&mut self, expected: [f64; 2]) {
-        match self.appearance.state() {
+    /// Takes over where the target is and how sure that is, estimates its size, and tells the motion model what has become of
+    /// it.
+    fn settle(&mut self, found: &Localised, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) {
+        let Localised { expected, rect, response, judged, steady, .. } = *found;
+        (self.rect, self.response, self.judged) = (rect, response, judged);
+        self.reacquired = found.is_reacquired();
+        self.lost_for = if found.state == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
+        if found.state == State::Tracking && !self.reacquired && steady && self.params.scale.enabled {
+            trace.stage(Stage::Scale);
+            self.rect = self.appearance.resized(frame, cropper, &self.rect);
+        }
+        match found.state {
+            // It has been told: see `measure`.
+            _ if !self.params.confidence.gate => {}
             State::Tracking if self.reacquired => self.motion.restart(&self.rect),
-            State::Tracking => self.motion.saw(&self.rect, expected),
+            State::Tracking => self.motion.saw(&self.rect, expected.place),
             State::Uncertain | State::Lost => self.motion.missed(),
         }
     }
 
-    /// Updates filter, scale filter and detector with the target as it is in this frame.
-    fn learn(&mut self, frame: &Frame, cropper: &mut Cropper) {
-        if !self.appearance.is_due(self.age) {
-            return;
+    /// Updates filter, scale filter and detector with the target as it is in this frame; without the gate in every frame, as in
+    /// Algorithm 1. Then what the mark left to learn of the first frame: a little in each of the next.
+    fn learn(&mut self, found: &Localised, frame: &Frame, cropper: &mut Cropper) {
+        let gate = self.params.confidence.gate;
+        let is_good = found.state == State::Tracking && !self.reacquired;
+        if (is_good || !gate) && self.appearance.is_due(self.age) {
+            self.appearance.learn(frame, cropper, &self.rect);
+            self.updates += 1;
+            // The paper holds T_td against the response where the target was expected.
+            let response = if gate { found.response } else { found.answer.response };
+            if self.appearance.confidence.is_exemplary(response)
+                && self.updates.is_multiple_of(self.params.svm.interval as u32)
+            {
+                self.detector.learn(frame, cropper, &self.rect);
+            }
         }
-        self.appearance.learn(frame, cropper, &self.rect);
-        self.updates += 1;
-        if self.appearance.confidence.is_exemplary(self.response)
-            && self.updates.is_multiple_of(self.params.svm.interval as u32)
-        {
-            self.detector.learn(frame, cropper, &self.rect);
-        }
+        self.appearance.correlator.learn_look(cropper);
     }
 
     /// Takes over parameters. What filters and detector are made of waits until they can be made anew: see
