@@ -242,6 +242,7 @@ mod tests {
     fn boxes_that_cannot_be_followed_are_refused() {
         let data = vec![0u8; 640 * 480];
         let frame = mono(&data, 640, 480, 640).unwrap();
+        assert_eq!([[-3.0, 20.0], [700.0, 481.0]].map(|point| frame.nearest(point)), [[0.0, 20.0], [640.0, 480.0]]);
         let check = |x, y, w, h| frame.check_target(&Rect::new(x, y, w, h));
         assert!(check(10.0, 10.0, 40.0, 80.0).is_ok());
         assert!(check(-19.0, 10.0, 40.0, 80.0).is_ok());

@@ -22,7 +22,7 @@
 //! | `features/pixelwise.rs`, `features/colour_histogram.rs` | the features |
 //! | `learn/adaboost.rs` | AdaBoost |
 //! | `detect/mean_shift.rs` | mean shift |
-//! | `filter/particles.rs` | the particle filter (eqs 1 and 2) |
+//! | `filter/particles.rs`, `filter/bounds.rs` | the particle filter (eqs 1 and 2), within what a state may be |
 
 mod appearance;
 mod learning;
@@ -34,6 +34,7 @@ use std::sync::Arc;
 use super::targets::{self, Targets};
 use super::{NewId, Output, State, Target, Tracker};
 use crate::crop::Cropper;
+use crate::filter::bounds::Bounds;
 use crate::filter::particles::Particles;
 use crate::frame::Frame;
 use crate::geometry::Rect;
@@ -42,7 +43,7 @@ use crate::params::{EtepfMethod, EtepfParams, Params};
 use crate::trace::{Stage, Trace};
 use appearance::{Appearance, Evidence};
 use likelihood::View;
-use motion::{Bounds, Motion, Place};
+use motion::{Motion, Place};
 
 /// What the paper calls its modes.
 const TRACK: &str = "track";
@@ -190,9 +191,8 @@ impl Followed {
 
         trace.stage(Stage::Features);
         let noise = self.motion.noise(self.size, dt, &self.params.particles, &self.params.modes);
-        let bounds = Bounds::new(frame, self.size, &self.place, &self.params.modes);
-        self.particles.propagate(&noise);
-        self.particles.confine(|place| *place = bounds.nearest(place));
+        let bounds = motion::bounds(frame, self.size, &self.place, &self.params.modes);
+        self.particles.propagate(&noise, &bounds);
         self.look(frame, scratch, &noise);
         let view = &scratch.view;
         if !view.shows_anything(self.rect(&self.place).size()) {
@@ -245,14 +245,13 @@ impl Followed {
     }
 
     /// Draws as many particles again, beside where mean shift leads those there are (step 2).
-    fn guide(&mut self, view: &View, noise: &Place, bounds: &Bounds) {
+    fn guide(&mut self, view: &View, noise: &Place, bounds: &Bounds<3>) {
         if self.params.particles.method != EtepfMethod::Full {
             return;
         }
         let spread = noise * self.params.particles.spread;
         let (size, steps) = (self.size, self.params.particles.climb);
-        self.particles.guide(noise, &spread, |place| climb(view, place, size, steps));
-        self.particles.confine(|place| *place = bounds.nearest(place));
+        self.particles.guide(noise, &spread, bounds, |place| climb(view, place, size, steps));
     }
 
     /// Weighs the particles by what is seen (step 3).

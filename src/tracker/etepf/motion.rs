@@ -4,6 +4,7 @@
 use std::collections::VecDeque;
 
 use crate::filter::Vector;
+use crate::filter::bounds::Bounds;
 use crate::frame::{Frame, MIN_TARGET_SIDE};
 use crate::geometry::Rect;
 use crate::params::{EtepfModes, EtepfParticles};
@@ -70,29 +71,16 @@ impl Motion {
     }
 }
 
-/// What a state may be.
-pub(super) struct Bounds {
-    low: Place,
-    high: Place,
-}
-
-impl Bounds {
-    /// The centre is within the image and within the area of a search around the last place; the box is not smaller than
-    /// what can be followed, nor larger than the image.
-    pub(super) fn new(frame: &Frame, size: [f64; 2], last: &Place, modes: &EtepfModes) -> Self {
-        let image = frame.bounds();
-        let area = Rect::around([last[0], last[1]], size.map(|side| side * last[2] * modes.extent));
-        let least = (MIN_TARGET_SIDE / size[0].min(size[1])).min(1.0);
-        let most = (image.w / size[0]).min(image.h / size[1]).max(1.0);
-        Self {
-            low: Place::from([area.x.max(0.0), area.y.max(0.0), least]),
-            high: Place::from([(area.x + area.w).min(image.w), (area.y + area.h).min(image.h), most]),
-        }
-    }
-
-    /// The nearest state that may be.
-    pub(super) fn nearest(&self, place: &Place) -> Place {
-        place.zip_zip_map(&self.low, &self.high, f64::clamp)
+/// What a state may be: the centre is within the image and within the area of a search around the last place; the box is not
+/// smaller than what can be followed, nor larger than the image.
+pub(super) fn bounds(frame: &Frame, size: [f64; 2], last: &Place, modes: &EtepfModes) -> Bounds<3> {
+    let image = frame.bounds();
+    let area = Rect::around([last[0], last[1]], size.map(|side| side * last[2] * modes.extent));
+    let least = (MIN_TARGET_SIDE / size[0].min(size[1])).min(1.0);
+    let most = (image.w / size[0]).min(image.h / size[1]).max(1.0);
+    Bounds {
+        low: Place::from([area.x.max(0.0), area.y.max(0.0), least]),
+        high: Place::from([(area.x + area.w).min(image.w), (area.y + area.h).min(image.h), most]),
     }
 }
 
@@ -161,7 +149,7 @@ mod tests {
         let frame = Frame::new(&data, 100, 60, 100, Encoding::Mono8, None).unwrap();
         let modes = EtepfModes { extent: 2.0, ..Params::default().etepf.modes };
         let nearest = |last: [f64; 3], place: [f64; 3]| -> [f64; 3] {
-            Bounds::new(&frame, SIZE, &last.into(), &modes).nearest(&place.into()).into()
+            bounds(&frame, SIZE, &last.into(), &modes).nearest(&place.into()).into()
         };
         assert_eq!(nearest([50.0, 30.0, 1.0], [55.0, 40.0, 1.1]), [55.0, 40.0, 1.1]);
         assert_eq!(nearest([50.0, 30.0, 1.0], [95.0, 90.0, 9.0]), [70.0, 60.0, 1.5], "two sizes around the last place");
