@@ -1,10 +1,11 @@
 //! What comes through at a camera's rate, and how long it takes: a real rclpy camera of 30 Hz against the node, for ten
 //! seconds each.
 //!
-//! * At 1280 x 720: what was sent, received and skipped, the time between `publish` in rclpy and the track message in rclpy
-//!   without the tracker's own, and the node's own count: from the arrival of an image's last part to its message.
-//! * At 1280 x 720: how many debug images a default subscriber sees of raw ones, of compressed ones, and a subscriber of
-//!   sensor data of compressed ones.
+//! * At 1280 x 720: what was sent, received and skipped, the time between `publish` in rclpy and the track message in
+//!   rclpy without the tracker's own, and the node's own count: from the arrival of an image's last part to its
+//!   message.
+//! * At 1280 x 720: how many debug images a default subscriber sees of raw ones, of compressed ones, and a subscriber
+//!   of sensor data of compressed ones.
 //! * At 1920 x 1080: what was lost on the way, and the node's memory.
 
 #[path = "../tests/support/mod.rs"]

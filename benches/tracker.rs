@@ -4,10 +4,10 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use long_term_tracker::appearance::layers::{Extractor, Feature, LayerSpec, Source};
+use long_term_tracker::appearance::layers::{Extractor, Feature, LayerSource, LayerSpec};
 use long_term_tracker::crop::{Cropper, Patch};
 use long_term_tracker::dcf::fft::Fft2;
-use long_term_tracker::dcf::masked::{MaskedFilter, Settings};
+use long_term_tracker::dcf::masked::{MaskedFilter, MaskedSettings};
 use long_term_tracker::dcf::sample::Sample;
 use long_term_tracker::dcf::window::{label, mask};
 use long_term_tracker::features::FeatureMap;
@@ -89,8 +89,8 @@ fn filter(c: &mut Criterion) {
     let frame = frame(&data);
     let window = Rect::around(target(0).centre(), [226.0; 2]);
     let specs = [
-        LayerSpec::scaled(Source::Cells(vec![Feature::Hog]), Some(16), 1.0),
-        LayerSpec::scaled(Source::Cells(vec![Feature::ColourNames]), Some(10), 0.5),
+        LayerSpec::scaled(LayerSource::Cells(vec![Feature::Hog]), Some(16), 1.0),
+        LayerSpec::scaled(LayerSource::Cells(vec![Feature::ColourNames]), Some(10), 0.5),
     ];
     for cells in [32, 48] {
         let mut cropper = Cropper::default();
@@ -105,7 +105,7 @@ fn filter(c: &mut Criterion) {
         let (w, h) = (40.0 * scale, 80.0 * scale);
         let y = label(cells, cells, 0.1 * (w * h).sqrt());
         let m = mask(cells, cells, 1.2 * w, 1.2 * h);
-        let settings = Settings { looks: 5, memory: 20, first_weight: 0.1, regularisation: 0.05 };
+        let settings = MaskedSettings { looks: 5, memory: 20, first_weight: 0.1, regularisation: 0.05 };
         let mut filter = MaskedFilter::new(settings, &mut fft, 0..extractor.channels(), &y, &m);
         for _ in 0..settings.memory {
             filter.learn(&mut fft, &sample, RATE, 1);
@@ -153,8 +153,8 @@ fn step(c: &mut Criterion) {
     assert!(found.state == State::Tracking && found.rect.iou(&target(k)) > 0.5, "{found:?} was not on the target");
 }
 
-/// A mark, and the steps in which altered looks at the first frame are learned, in processor time: of the default by either
-/// library, and of it without the network.
+/// A mark, and the steps in which altered looks at the first frame are learned, in processor time: of the default by
+/// either library, and of it without the network.
 fn start(c: &mut Criterion) {
     let video = video();
     let text = |v: &str| Value::String(v.into());
@@ -196,8 +196,8 @@ fn processor_time_since(begun: Timespec) -> Duration {
     seconds(clock_gettime(ClockId::ProcessCPUTime)) - seconds(begun)
 }
 
-/// Steps without the network: of the same target in images of any size, and of targets of any size in the same image. All
-/// move by a pixel a frame.
+/// Steps without the network: of the same target in images of any size, and of targets of any size in the same image.
+/// All move by a pixel a frame.
 fn sizes(c: &mut Criterion) {
     let params = Params::default().with([("lcmht.cnn.enabled", &Value::Bool(false))], Phase::StartUp);
     let params = params.expect("the network can be left out");

@@ -1,8 +1,10 @@
-//! What moves in recorded frames: the blobs that MAPTrack sees before it knows of any target, as detections in the format of
-//! MOTChallenge (frame, -1, x, y, w, h, confidence and three fields that are not used). Another tracker can be given the
-//! same; `benches/peers/many.py` does.
+//! What moves in recorded frames: the blobs that MAPTrack sees before it knows of any target, as detections in the
+//! format of MOTChallenge (frame, -1, x, y, w, h, confidence and three fields that are not used). Another tracker can
+//! be given the same; `benches/peers/many.py` does.
 //!
 //! `cargo run --release --example blobs -- SOURCE [--params FILE.yaml]... [-p NAME:=VALUE]...`
+
+#![forbid(unsafe_code)]
 
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
@@ -10,7 +12,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use long_term_tracker::params::{Assignment, assignment};
-use long_term_tracker::trace::Proposal;
+use long_term_tracker::trace::{Event, Proposal};
 use long_term_tracker::{Session, Trace, cli, replay};
 
 /// Blobs of recorded frames, as detections in the format of MOTChallenge.
@@ -31,8 +33,10 @@ struct Args {
 struct Blobs(Vec<Proposal>);
 
 impl Trace for Blobs {
-    fn proposals(&mut self, proposals: &[Proposal]) {
-        self.0.extend(proposals);
+    fn event(&mut self, event: Event) {
+        if let Event::Proposals(proposals) = event {
+            self.0.extend(proposals);
+        }
     }
 }
 

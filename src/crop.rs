@@ -1,8 +1,8 @@
 //! Cuts a window out of a frame and resamples it to a patch of fixed size.
 //!
 //! The resampling filter is a triangle, as wide as a pixel of the coarser of the two grids, so that enlarging
-//! interpolates linearly and shrinking averages. Beyond the image the border pixels go on. A patch may be altered as well:
-//! blurred by a wider triangle, mirrored, turned.
+//! interpolates linearly and shrinking averages. Beyond the image the border pixels go on. A patch may be altered as
+//! well: blurred by a wider triangle, mirrored, turned.
 
 use image::{ImageBuffer, Luma, Pixel, Primitive};
 use imageproc::definitions::Clamp;
@@ -49,8 +49,8 @@ impl Patch {
         }
     }
 
-    /// Turns what it shows about its middle, `degrees` clockwise, each of its pixels being `aspect` times as high as wide. The
-    /// border pixels go on. `spare` is room for a plane.
+    /// Turns what it shows about its middle, `degrees` clockwise, each of its pixels being `aspect` times as high as
+    /// wide. The border pixels go on. `spare` is room for a plane.
     fn turn(&mut self, degrees: f64, aspect: f64, spare: &mut Vec<u8>) {
         let middle = [self.width, self.height].map(|side| (side as f32 - 1.0) / 2.0);
         self.planes.iter_mut().for_each(|plane| turn_about(plane, self.width, middle, degrees, aspect, spare));
@@ -66,8 +66,8 @@ impl Patch {
     }
 }
 
-/// Turns what a row-major plane of this width shows about a place, `[column, row]`, by `degrees` clockwise, each of its pixels
-/// being `aspect` times as high as wide. Its border goes on. `spare` is room for another plane.
+/// Turns what a row-major plane of this width shows about a place, `[column, row]`, by `degrees` clockwise, each of its
+/// pixels being `aspect` times as high as wide. Its border goes on. `spare` is room for another plane.
 pub(crate) fn turn_about<T>(
     plane: &mut Vec<T>,
     width: usize,
@@ -103,8 +103,8 @@ struct Axis {
 }
 
 impl Axis {
-    /// Covers `[origin, origin + length)` of an input of `limit` pixels by `count` output pixels, each a mean over at least
-    /// `blur` input pixels to either side. Taps beyond the input fall on its outermost pixels.
+    /// Covers `[origin, origin + length)` of an input of `limit` pixels by `count` output pixels, each a mean over at
+    /// least `blur` input pixels to either side. Taps beyond the input fall on its outermost pixels.
     fn plan(&mut self, origin: f64, length: f64, count: usize, limit: usize, blur: f64) {
         let scale = length / count as f64;
         let radius = scale.max(1.0).max(blur);
@@ -281,6 +281,9 @@ impl Cropper {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+
     use super::*;
     use crate::frame::Encoding;
 
@@ -370,42 +373,71 @@ mod tests {
         }
     }
 
-    /// The same by its definition, pixel by pixel in two dimensions.
+    fn noise(pixels: usize) -> Vec<u8> {
+        (0..pixels).map(|i| ((i * i * 7 + i * 13) % 251) as u8).collect()
+    }
+
+    /// A crop agrees with its definition, pixel by pixel in two dimensions.
+    fn agrees(frame: &Frame, window: Rect, [width, height]: [usize; 2], blur: [f64; 2]) {
+        let mut patch = Patch::default();
+        let alteration = Alteration { blur, ..Alteration::default() };
+        Cropper::default().altered(alteration, |cropper| cropper.crop(frame, &window, width, height, &mut patch));
+        let scales = [window.w / width as f64, window.h / height as f64];
+        let radii = [0, 1].map(|axis| scales[axis].max(1.0).max(blur[axis]));
+        let taps = |centre: f64, radius: f64| {
+            let around = (centre - radius).floor() as i64..=(centre + radius).ceil() as i64;
+            around.map(move |i| (i, (1.0 - (i as f64 - centre).abs() / radius).max(0.0)))
+        };
+        let last = [frame.width(), frame.height()].map(|side| i64::from(side) - 1);
+        for y in 0..height {
+            for x in 0..width {
+                let cx = window.x + (x as f64 + 0.5) * scales[0] - 0.5;
+                let cy = window.y + (y as f64 + 0.5) * scales[1] - 0.5;
+                let (mut sum, mut norm) = (0.0, 0.0);
+                for (j, down) in taps(cy, radii[1]) {
+                    for (i, across) in taps(cx, radii[0]) {
+                        let grey = frame.rgb(i.clamp(0, last[0]) as usize, j.clamp(0, last[1]) as usize)[0];
+                        sum += across * down * f64::from(grey);
+                        norm += across * down;
+                    }
+                }
+                let (got, want) = (f64::from(patch.rgb(x, y)[0]), sum / norm);
+                assert!((got - want).abs() <= 0.502, "{window}, {x} {y}: {got} {want}");
+            }
+        }
+    }
+
     #[test]
     fn resampling_agrees_with_the_direct_sum() {
-        let (w, h) = (23, 17);
-        let data: Vec<u8> = (0..w * h).map(|i| ((i * i * 7 + i * 13) % 251) as u8).collect();
-        let frame = Frame::new(&data, w as u32, h as u32, w, Encoding::Mono8, None).unwrap();
-        for (window, pw, ph, blur) in [
-            (Rect::new(3.2, 1.7, 9.0, 7.5), 16, 12, [0.0, 0.0]),
-            (Rect::new(-4.0, 2.0, 30.0, 14.0), 8, 8, [0.0, 0.0]),
-            (Rect::new(10.0, -6.0, 20.0, 30.0), 20, 5, [0.0, 0.0]),
-            (Rect::new(3.2, 1.7, 9.0, 7.5), 16, 12, [2.7, 0.0]),
-            (Rect::new(10.0, -6.0, 20.0, 30.0), 20, 5, [1.5, 9.2]),
+        let data = noise(23 * 17);
+        let frame = Frame::new(&data, 23, 17, 23, Encoding::Mono8, None).unwrap();
+        for (window, size, blur) in [
+            (Rect::new(3.2, 1.7, 9.0, 7.5), [16, 12], [0.0, 0.0]),
+            (Rect::new(-4.0, 2.0, 30.0, 14.0), [8, 8], [0.0, 0.0]),
+            (Rect::new(10.0, -6.0, 20.0, 30.0), [20, 5], [0.0, 0.0]),
+            (Rect::new(3.2, 1.7, 9.0, 7.5), [16, 12], [2.7, 0.0]),
+            (Rect::new(10.0, -6.0, 20.0, 30.0), [20, 5], [1.5, 9.2]),
         ] {
-            let mut patch = Patch::default();
-            let alteration = Alteration { blur, ..Alteration::default() };
-            Cropper::default().altered(alteration, |cropper| cropper.crop(&frame, &window, pw, ph, &mut patch));
-            let (sx, sy) = (window.w / pw as f64, window.h / ph as f64);
-            let kernel = |d: f64, r: f64| (1.0 - d.abs() / r).max(0.0);
-            for y in 0..ph {
-                for x in 0..pw {
-                    let cx = window.x + (x as f64 + 0.5) * sx - 0.5;
-                    let cy = window.y + (y as f64 + 0.5) * sy - 0.5;
-                    let (mut sum, mut norm) = (0.0, 0.0);
-                    for j in -40i64..80 {
-                        for i in -40i64..80 {
-                            let [rx, ry] = [sx.max(1.0).max(blur[0]), sy.max(1.0).max(blur[1])];
-                            let weight = kernel(i as f64 - cx, rx) * kernel(j as f64 - cy, ry);
-                            let (fx, fy) = (i.clamp(0, w as i64 - 1), j.clamp(0, h as i64 - 1));
-                            sum += weight * f64::from(data[fy as usize * w + fx as usize]);
-                            norm += weight;
-                        }
-                    }
-                    let got = f64::from(patch.rgb(x, y)[0]);
-                    assert!((got - sum / norm).abs() <= 0.502, "{x} {y}: {got} {}", sum / norm);
-                }
-            }
+            agrees(&frame, window, size, blur);
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::with_cases(64)
+        })]
+
+        #[test]
+        fn any_window_agrees_with_the_direct_sum(
+            [width, height] in prop::array::uniform2(1usize..24),
+            corner in prop::array::uniform2(-30.0..30.0),
+            sides in prop::array::uniform2(0.5..40.0),
+            size in prop::array::uniform2(1usize..16),
+            blur in prop::array::uniform2(prop_oneof![Just(0.0), 0.0..9.0]),
+        ) {
+            let data = noise(width * height);
+            let frame = Frame::new(&data, width as u32, height as u32, width, Encoding::Mono8, None).unwrap();
+            agrees(&frame, Rect::new(corner[0], corner[1], sides[0], sides[1]), size, blur);
         }
     }
 }

@@ -4,22 +4,34 @@
 
 mod jpeg;
 mod png;
+mod ready;
 mod tables;
 
-use std::borrow::Cow;
 use std::io::Cursor;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
+pub use self::jpeg::JpegError;
+use self::ready::Ready;
 use crate::error::FrameError;
 use crate::frame::{Encoding, FrameBuffer, MAX_SIDE, Stamp};
 
 /// Why the bytes of an image file do not become a frame.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum DecodeError {
-    /// Neither JPEG nor PNG, or a broken one.
-    #[error("cannot be decoded: {0}")]
-    Image(String),
+    /// Another kind of file.
+    #[error("cannot be decoded: {len} bytes are neither JPEG nor PNG")]
+    Kind { len: usize },
+    /// A JPEG file that is broken, or of a kind that is not read.
+    #[error("cannot be decoded: the JPEG data {0}")]
+    Jpeg(#[from] JpegError),
+    /// A PNG file that does not tell its size.
+    #[error("cannot be decoded: the PNG data do not begin with a header")]
+    PngHeader,
+    /// What the decoder says of a broken file.
+    #[error("cannot be decoded: {why}")]
+    Broken { why: String },
     /// More than may be taken.
     #[error("image of {width} x {height} takes {} MB to decode, limits.image_mb is {}", megabytes(*needed), most / MB)]
     TooLarge { width: u32, height: u32, needed: u64, most: u64 },
@@ -39,27 +51,13 @@ fn megabytes(bytes: u64) -> u64 {
     bytes.div_ceil(MB)
 }
 
-/// Data that the decoder may be given.
-#[derive(Debug)]
-struct Ready<'a> {
-    bytes: Cow<'a, [u8]>,
-    /// Bytes that the decoder needs beside the pixels.
-    working: u64,
-    /// How many bytes code the pixels, where these are too few for them.
-    too_short: Option<usize>,
-    /// Whether the mark at the end is there. Without it, the data may be cut off, or the camera leaves it out.
-    ended: bool,
-}
-
-/// Decodes the bytes of a JPEG or PNG file whose pixels, with what the decoder needs besides, take `most` bytes at most.
-/// Grey stays grey, of 8 or 16 bits; colours of 16 bits become 8; transparency is ignored.
+/// Decodes the bytes of a JPEG or PNG file whose pixels, with what the decoder needs besides, take `most` bytes at
+/// most. Grey stays grey, of 8 or 16 bits; colours of 16 bits become 8; transparency is ignored.
 pub fn decode(bytes: &[u8], stamp: Stamp, most: u64) -> Result<FrameBuffer, DecodeError> {
-    let broken = DecodeError::Image;
-    let format =
-        image::guess_format(bytes).map_err(|_| broken(format!("{} bytes are neither JPEG nor PNG", bytes.len())))?;
+    let format = image::guess_format(bytes).map_err(|_| DecodeError::Kind { len: bytes.len() })?;
     let ready = match format {
-        ImageFormat::Jpeg => jpeg::ready(bytes).map_err(broken)?,
-        ImageFormat::Png => png::ready(bytes).map_err(broken)?,
+        ImageFormat::Jpeg => jpeg::ready(bytes)?,
+        ImageFormat::Png => png::ready(bytes).ok_or(DecodeError::PngHeader)?,
         _ => Ready { bytes: bytes.into(), working: 0, too_short: None, ended: true },
     };
     if ready.ended {
@@ -69,12 +67,12 @@ pub fn decode(bytes: &[u8], stamp: Stamp, most: u64) -> Result<FrameBuffer, Deco
     let [one, other] = jpeg::completed(&ready.bytes);
     let decode = |bytes: Vec<u8>| pixels(&Ready { bytes: bytes.into(), ..ready }, format, most);
     let decoded = decode(one)?;
-    if decode(other)? == decoded { frame(decoded, stamp) } else { Err(broken(jpeg::cut_off(bytes))) }
+    if decode(other)? == decoded { frame(decoded, stamp) } else { Err(jpeg::cut_off(bytes).into()) }
 }
 
 /// Decodes what takes no more than it may.
 fn pixels(ready: &Ready, format: ImageFormat, most: u64) -> Result<DynamicImage, DecodeError> {
-    let broken = |error: image::ImageError| DecodeError::Image(error.to_string());
+    let broken = |error: image::ImageError| DecodeError::Broken { why: error.to_string() };
     let mut reader = ImageReader::with_format(Cursor::new(&*ready.bytes), format);
     let mut limits = Limits::default();
     limits.max_alloc = Some(most);

@@ -8,6 +8,7 @@ use crate::geometry::Rect;
 
 /// Why the bytes of an image cannot be taken as a [`Frame`](crate::Frame).
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum FrameError {
     /// An image without pixels.
     #[error("image of {width} x {height} has no pixels")]
@@ -31,6 +32,7 @@ pub enum FrameError {
 
 /// Why a marked box cannot be followed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum StartError {
     /// A coordinate is NaN or infinite.
     #[error("box {0} is not finite")]
@@ -46,12 +48,14 @@ pub enum StartError {
     TooLarge { rect: Rect, width: u32, height: u32 },
     /// Too little of it is in view.
     #[error(
-        "box {rect} lies outside the image of {width} x {height}: {visible:.0} % of it is in view, at least {min:.0} % must be"
+        "box {rect} lies outside the image of {width} x {height}: {visible:.0} % of it is in view, at least {min:.0} % \
+         must be"
     )]
     Outside { rect: Rect, width: u32, height: u32, visible: f64, min: f64 },
     /// There is nothing in and around it that would tell it from other places.
     #[error(
-        "box {rect} shows nothing to follow: what is in and around it varies by {contrast:.1} of 255 levels, at least {min} are needed"
+        "box {rect} shows nothing to follow: what is in and around it varies by {contrast:.1} of 255 levels, at least \
+         {min} are needed"
     )]
     Blank { rect: Rect, contrast: f64, min: f64 },
     /// As many targets are followed as may be.
@@ -64,6 +68,7 @@ pub enum StartError {
 
 /// Why a set of parameters was refused. The set in force stays as it was.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum ParamsError {
     /// No parameter bears that name.
     #[error("unknown parameter '{name}'{hint}")]
@@ -102,6 +107,7 @@ pub enum ParamsError {
 
 /// Why a network cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum NetworkError {
     /// The file cannot be read.
     #[error("network {file} cannot be read: {why}")]

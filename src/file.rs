@@ -10,6 +10,7 @@ use rustix::fs::OFlags;
 
 /// Why a file is not read.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum FileError {
     /// The file system refuses.
     #[error(transparent)]

@@ -1,4 +1,5 @@
-//! Follows a target that a user marks in a camera stream, or all that move there, says when it has lost it, and finds it again.
+//! Follows a target that a user marks in a camera stream, or all that move there, says when it has lost it, and finds
+//! it again.
 //!
 //! # The way of the data
 //!
@@ -30,10 +31,10 @@
 //! | [`filter`], [`learn`] | motion models, Kalman steps, the GM-PHD filter, the particle filter; the incremental support vector machine, AdaBoost |
 //! | [`features`] | HOG, colour names, LUV; features of pixels, colour histograms |
 //! | [`network`] | convolutional networks, handed in as bytes |
+//! | [`params`] | the one table of parameters, and files of them |
 //! | [`trace`], [`output`] | what a step shows of its inside; what it says of the targets |
 //! | [`detect`] | the detector that looks for a lost target, mean shift, background and blobs, the camera's motion |
 //! | [`appearance`] | what a target looks like: layers of features, filters on them, scale, and what a response says |
-//! | [`params`] | the one table of parameters, and files of them |
 //! | [`tracker`] | the interface and one file a tracker; [`tracker::lcmht`], [`tracker::etepf`] and [`tracker::maptrack`] read as their papers |
 //! | [`session`] | one stream with one tracker |
 //! | [`loader`] | networks from their files, and what runs them |
@@ -50,10 +51,12 @@
 //!   environments* (LCMHT): [`dcf`], [`detect`], [`filter::gm_phd`], [`tracker::lcmht`].
 //! * Y. Gu, P. Li, B. Han: *Embedding ensemble tracking in a stochastic framework for robust object tracking* (ETEPF):
 //!   [`learn::adaboost`], [`detect::mean_shift`], [`filter::particles`], [`tracker::etepf`].
-//! * S. Basu, M. Karki, M. Stagg, R. DiBiano, S. Ganguly, S. Mukhopadhyay: *MAPTrack: a probabilistic real time tracking
-//!   framework by integrating motion, appearance and position models*: [`detect::background`], [`detect::stabilisation`],
-//!   [`tracker::maptrack`].
+//! * S. Basu, M. Karki, M. Stagg, R. DiBiano, S. Ganguly, S. Mukhopadhyay: *MAPTrack: a probabilistic real time
+//!   tracking framework by integrating motion, appearance and position models*: [`detect::background`],
+//!   [`detect::stabilisation`], [`tracker::maptrack`].
 //! * N. L. Baisa: *Derivation of a constant velocity motion model for visual tracking*: [`filter::motion`].
+
+#![forbid(unsafe_code)]
 
 #[cfg(all(feature = "ros", not(feature = "humble")))]
 compile_error!("feature `ros` needs a distribution's: humble, jazzy, kilted or lyrical");

@@ -1,8 +1,8 @@
 //! The messages on the wire and in bags, field by field as their `.msg` and `.srv` files have them.
 //!
 //! [`cdr`] is how they are laid out in bytes, [`schema`] the text that describes them to others, [`convert`] goes from
-//! them to the core's types and back. What `ros2-client` itself defines (the parameter services, `/rosout`) is used from
-//! there.
+//! them to the core's types and back. What `ros2-client` itself defines (the parameter services, `/rosout`) is used
+//! from there.
 
 pub mod cdr;
 pub mod convert;
@@ -35,7 +35,7 @@ macro_rules! messages {
     ($($package:literal / $name:ident { $($(#[$attr:meta])* $field:ident : $ty:ty),* $(,)? })*) => {$(
         #[doc = concat!("`", $package, "/msg/", stringify!($name), "`")]
         #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-        #[allow(missing_docs)]
+        #[allow(missing_docs, reason = "the fields are those of the ROS message")]
         pub struct $name { $($(#[$attr])* pub $field: $ty,)* }
 
         impl Topic for $name {

@@ -36,10 +36,11 @@ pub struct Target {
     pub rect: Rect,
     /// Velocity of the centre: pixels a second, or pixels a frame where frames bear no stamps.
     pub velocity: [f64; 2],
-    /// Share of such boxes that can be expected to be right, 0 to 1.
+    /// Share of such boxes that can be expected to be right, 0 to 1. Of a target that MAPTrack found by itself, only a
+    /// figure of merit: how much of it is seen, and less the longer it is hidden.
     pub confidence: f32,
-    /// Peak of the fused response map; of ETEPF, the mean likelihood within the box; of MAPTrack, how much of the target
-    /// moves or looks as it is remembered.
+    /// Peak of the fused response map; of ETEPF, the mean likelihood within the box; of MAPTrack, how much of the
+    /// target moves or looks as it is remembered.
     pub response: f32,
     /// How sure the tracker is.
     pub state: State,

@@ -1,5 +1,5 @@
-//! The bag that a run leaves: the images as they came, and beside them what the tracker says, all as ROS 2 messages in an
-//! MCAP file that describes its own types.
+//! The bag that a run leaves: the images as they came, and beside them what the tracker says, all as ROS 2 messages in
+//! an MCAP file that describes its own types.
 //!
 //! | topic | type |
 //! |---|---|
@@ -43,6 +43,7 @@ const PERIOD: i64 = 33_333_333;
 
 /// Why the bag cannot be written. Each message names the file.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum RecordError {
     /// There is such a file already, or none can be made.
     #[error("{}: cannot be written: {source}", path.display())]

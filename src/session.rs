@@ -4,8 +4,8 @@
 //! another parameter set.
 //!
 //! What changes in mid-stream does not end a track. A picture of another size is taken for the same scene in other
-//! pixels, and boxes go along in proportion. Another encoding is looked at as it is; with the colour gone the target may
-//! become uncertain. Stamps that cannot be those of a camera, or that there are none of, count as one frame period.
+//! pixels, and boxes go along in proportion. Another encoding is looked at as it is; with the colour gone the target
+//! may become uncertain. Stamps that cannot be those of a camera, or that there are none of, count as one frame period.
 
 mod cadence;
 mod zoom;
@@ -80,8 +80,8 @@ impl Session {
         self.network.clone()
     }
 
-    /// Why the last run of the network failed, if it did: nothing answers to what such a run leaves, so that targets may be
-    /// lost by it.
+    /// Why the last run of the network failed, if it did: nothing answers to what such a run leaves, so that targets
+    /// may be lost by it.
     pub fn network_failure(&self) -> Option<String> {
         let network = locked(self.network.as_ref()?);
         network.failure().map(|why| format!("network {}: {why}", network.name()))
@@ -99,8 +99,8 @@ impl Session {
 
     /// Takes up the target in `rect`, on the frame that the session was stepped into last or, if no target is followed
     /// yet, on any. A target of the same id begins anew; where a single target may be followed, the new one takes its
-    /// place. A mark that cannot be followed is refused and changes nothing. What the tracker has found by itself does not
-    /// count.
+    /// place. A mark that cannot be followed is refused and changes nothing. What the tracker has found by itself does
+    /// not count.
     pub fn start_as(
         &mut self,
         id: Option<&str>,
@@ -139,9 +139,9 @@ impl Session {
         Ok(&self.output)
     }
 
-    /// Forgets all targets and takes up those of the last marks again, each where it was marked; all of them or, where one
-    /// cannot be followed in this frame, none. A tracker that finds targets by itself looks for them again, with marks or
-    /// without.
+    /// Forgets all targets and takes up those of the last marks again, each where it was marked; all of them or, where
+    /// one cannot be followed in this frame, none. A tracker that finds targets by itself looks for them again, with
+    /// marks or without.
     pub fn restart(&mut self, frame: &Frame, trace: &mut dyn Trace) -> Result<&Output, StartError> {
         if self.marks.is_empty() && !self.tracker.finds() {
             return Err(StartError::NoMark);
@@ -189,8 +189,8 @@ impl Session {
         (self.params, self.network) = (params, network);
     }
 
-    /// Follows the targets into the next frame. Without a target the output is empty and nothing is computed, unless the
-    /// tracker finds targets by itself.
+    /// Follows the targets into the next frame. Without a target the output is empty and nothing is computed, unless
+    /// the tracker finds targets by itself.
     pub fn step(&mut self, frame: &Frame, trace: &mut dyn Trace) -> &Output {
         if self.is_active() {
             if std::mem::take(&mut self.fresh) {

@@ -3,6 +3,7 @@
 //! The core never draws and knows no clock: it calls a [`Trace`], and `()` is the one that does nothing.
 
 use crate::geometry::Rect;
+use crate::params::Need;
 
 /// The parts of a step whose share of the time is told apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,74 +76,56 @@ pub struct Proposal {
     pub score: f64,
 }
 
-/// Receives what happens inside a step. Every method does nothing unless it is overridden.
-pub trait Trace {
+/// What happens inside a step.
+#[derive(Clone, Copy, Debug)]
+pub enum Event<'a> {
     /// A stage begins, and the one before it ends.
-    fn stage(&mut self, _stage: Stage) {}
+    Stage(Stage),
     /// The search window of this frame, in pixels.
-    fn search_window(&mut self, _window: Rect) {}
+    SearchWindow(Rect),
     /// The motion model's guess before the frame was looked at, in pixels.
-    fn prediction(&mut self, _rect: Rect) {}
+    Prediction(Rect),
     /// The fused response map over the search window.
-    fn response(&mut self, _map: &ResponseMap) {}
+    Response(&'a ResponseMap<'a>),
     /// The images that a response is made of, of one target.
-    fn cues(&mut self, _cues: &Cues) {}
+    Cues(&'a Cues<'a>),
     /// What the re-detector proposes on this frame; of MAPTrack, the blobs of what moves.
-    fn proposals(&mut self, _proposals: &[Proposal]) {}
+    Proposals(&'a [Proposal]),
     /// What looks like a target and is not: a box in pixels.
-    fn neighbour(&mut self, _rect: Rect) {}
-    /// A particle: a box in pixels, and its share of all weight.
-    fn particle(&mut self, _rect: Rect, _weight: f64) {}
-    /// The mode that the tracker is in, with the window that it searches in.
-    fn mode(&mut self, _name: &'static str, _window: Rect) {}
+    Neighbour(Rect),
+    /// One of ETEPF's particles.
+    Particle {
+        /// A box in pixels.
+        rect: Rect,
+        /// Its share of all weight.
+        weight: f64,
+    },
+    /// The mode that the tracker is in.
+    Mode {
+        /// The mode's name.
+        name: &'static str,
+        /// The window that it searches in, in pixels.
+        window: Rect,
+    },
+    /// Changed parameters had this made anew.
+    MadeAnew(Need),
 }
 
-impl Trace for () {}
+/// Receives what happens inside a step.
+pub trait Trace {
+    /// This happens now.
+    fn event(&mut self, event: Event);
+}
+
+/// Is shown everything, and does nothing.
+impl Trace for () {
+    fn event(&mut self, _: Event) {}
+}
 
 /// Both are shown everything.
 impl<A: Trace, B: Trace> Trace for (A, B) {
-    fn stage(&mut self, stage: Stage) {
-        self.0.stage(stage);
-        self.1.stage(stage);
-    }
-
-    fn search_window(&mut self, window: Rect) {
-        self.0.search_window(window);
-        self.1.search_window(window);
-    }
-
-    fn prediction(&mut self, rect: Rect) {
-        self.0.prediction(rect);
-        self.1.prediction(rect);
-    }
-
-    fn response(&mut self, map: &ResponseMap) {
-        self.0.response(map);
-        self.1.response(map);
-    }
-
-    fn cues(&mut self, cues: &Cues) {
-        self.0.cues(cues);
-        self.1.cues(cues);
-    }
-
-    fn proposals(&mut self, proposals: &[Proposal]) {
-        self.0.proposals(proposals);
-        self.1.proposals(proposals);
-    }
-
-    fn neighbour(&mut self, rect: Rect) {
-        self.0.neighbour(rect);
-        self.1.neighbour(rect);
-    }
-
-    fn particle(&mut self, rect: Rect, weight: f64) {
-        self.0.particle(rect, weight);
-        self.1.particle(rect, weight);
-    }
-
-    fn mode(&mut self, name: &'static str, window: Rect) {
-        self.0.mode(name, window);
-        self.1.mode(name, window);
+    fn event(&mut self, event: Event) {
+        self.0.event(event);
+        self.1.event(event);
     }
 }

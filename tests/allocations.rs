@@ -1,5 +1,7 @@
 //! Steps that must not allocate once their buffers have grown, watched by the allocator itself.
 
+#![expect(unsafe_code, reason = "an allocator is unsafe to be one")]
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -25,15 +27,18 @@ struct Counting;
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         ALLOCATIONS.with(|n| n.set(n.get() + 1));
+        // SAFETY: the caller's.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's.
         unsafe { System.dealloc(pointer, layout) }
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         ALLOCATIONS.with(|n| n.set(n.get() + 1));
+        // SAFETY: the caller's.
         unsafe { System.realloc(pointer, layout, size) }
     }
 }
@@ -152,8 +157,14 @@ fn learning_a_target_allocates_nothing_once_warm() {
 /// Frames in which the target is looked for in a turned picture as well.
 #[test]
 fn looking_for_a_turned_target_allocates_nothing_once_warm() {
-    let (on, always, network) = (Value::Bool(true), Value::Double(10.0), Value::Bool(false));
-    let turns = [("lcmht.turn.enabled", &on), ("lcmht.turn.below", &always), ("lcmht.turn.aspect", &always)];
+    // Bare responses stay below what is called a poor one, and above these thresholds.
+    let (on, off, least, network) = (Value::Bool(true), Value::Bool(false), Value::Double(0.1), Value::Bool(false));
+    let turns = [
+        ("lcmht.turn.enabled", &on),
+        ("lcmht.confidence.relative", &off),
+        ("lcmht.confidence.activate", &least),
+        ("lcmht.confidence.lost", &least),
+    ];
     follow_without_allocating(&[&turns[..], &[("lcmht.cnn.enabled", &network)]].concat(), 0.7);
 }
 
@@ -172,16 +183,17 @@ fn following_a_target_by_particles_allocates_nothing_once_warm() {
     follow_without_allocating(&[("algorithm", &algorithm), ("etepf.update.enabled", &update)], 0.5);
 }
 
-/// Nothing is found beside the mark: each new target has buffers of its own. Its pattern holds the square, which has the
-/// ground's colours and turns back over its own trail, background by then, so that the paper's images take it for hidden.
+/// Nothing is found beside the mark: each new target has buffers of its own. Its pattern holds the square, which has
+/// the ground's colours and turns back over its own trail, background by then, so that the paper's images take it for
+/// hidden.
 #[test]
 fn following_a_target_by_its_motion_allocates_nothing_once_warm() {
     let (algorithm, most) = (Value::String("maptrack".into()), Value::Integer(0));
     follow_without_allocating(&[("algorithm", &algorithm), ("maptrack.find.most", &most)], 0.5);
 }
 
-/// Frames in which the detector scans for a target that is gone. The library's matrix product takes a buffer for each block
-/// of windows: of so small a target, one a frame.
+/// Frames in which the detector scans for a target that is gone. The library's matrix product takes a buffer for each
+/// block of windows: of so small a target, one a frame.
 #[test]
 fn searching_for_a_lost_target_allocates_nothing_of_ours_once_warm() {
     let network = Value::Bool(false);

@@ -349,7 +349,8 @@ fn each_parameter_file_is_scored_by_itself_and_single_values_win() {
     assert_eq!(stdout(&output).matches("mean").count(), 2);
 }
 
-/// Whether two values are the same but for the last digits of their numbers: confidences are written in single precision.
+/// Whether two values are the same but for the last digits of their numbers: confidences are written in single
+/// precision.
 fn alike(a: &serde_json::Value, b: &serde_json::Value) -> bool {
     use serde_json::Value;
     match (a, b) {

@@ -73,8 +73,8 @@ fn the_demo_shows_the_node_at_work() {
     }
 }
 
-/// How many frames are answered is the machine's matter; but the camera keeps its pace, the node takes the frames that it has
-/// the time for, and while it keeps up what it says is right.
+/// How many frames are answered is the machine's matter; but the camera keeps its pace, the node takes the frames that
+/// it has the time for, and while it keeps up what it says is right.
 #[cfg(feature = "ros")]
 #[test]
 fn the_demo_plays_as_a_camera_would() {

@@ -1,8 +1,8 @@
 //! ETEPF in a session, on scenes made here: what a user of the node meets.
 
 use long_term_tracker::params::{Phase, Range, Value, descriptors};
-use long_term_tracker::trace::{ResponseMap, Trace};
-use long_term_tracker::{Encoding, Frame, Output, Params, Rect, Session, State, Target};
+use long_term_tracker::trace::{Event, Trace};
+use long_term_tracker::{Encoding, Frame, Output, Params, ParamsError, Rect, Session, State, Target};
 
 const WIDTH: usize = 240;
 const HEIGHT: usize = 160;
@@ -237,15 +237,15 @@ fn a_target_is_held_while_parameters_change() {
     let mut session = session(&[]);
     session.start(&rgb(&scene(0)), target(0), &mut ()).unwrap();
     let changes = [
-        ("etepf.features.radius", Value::Integer(1)),
+        ("etepf.particles.least_noise", Value::Double(4.0)),
         ("etepf.features.pixels", Value::Integer(400)),
         ("etepf.ensemble.classifiers", Value::Integer(8)),
         ("etepf.particles.count", Value::Integer(30)),
-        ("etepf.particles.history", Value::Integer(2)),
+        ("etepf.particles.scale_noise", Value::Double(0.02)),
         ("etepf.particles.parts", Value::Integer(3)),
         ("etepf.particles.observation", Value::String("mean".into())),
         ("etepf.update.interval", Value::Integer(2)),
-        ("etepf.update.memory", Value::Integer(1)),
+        ("etepf.modes.extent", Value::Double(6.0)),
         ("etepf.particles.count", Value::Integer(5)),
         ("etepf.particles.method", Value::String("mean_shift".into())),
         ("etepf.particles.method", Value::String("particles".into())),
@@ -295,40 +295,24 @@ fn a_target_has_a_colour_in_parts_too_small_for_a_pixel() {
     }
 }
 
-/// Stripes that go down, among stripes of the same greys that go across: without a neighbourhood, only edges tell them apart.
+/// A target that has faded stands out less than it did at first, until it is learned anew as it is.
 #[test]
 fn what_is_learned_anew_is_measured_by_itself() {
-    let paint = |n: usize| -> Vec<u8> {
-        let Rect { x: left, y: top, .. } = target(n);
-        let pixel = |x: usize, y: usize| {
-            let (u, v) = (x as f64 - left, y as f64 - top);
-            let inside = (0.0..SIDE).contains(&u) && (0.0..SIDE).contains(&v);
-            if (if inside { u as usize } else { y }) / 4 % 2 == 0 { 60 } else { 160 }
-        };
-        (0..WIDTH * HEIGHT).map(|i| pixel(i % WIDTH, i / WIDTH)).collect()
+    const FADED: f64 = 0.2;
+    let faded = |n: usize| -> Vec<u8> {
+        let ground = Scene { boxes: vec![], colour: true }.paint();
+        let mix = |(own, ground): (u8, u8)| ((1.0 - FADED) * f64::from(own) + FADED * f64::from(ground)) as u8;
+        scene(n).into_iter().zip(ground).map(mix).collect()
     };
-    let mut session = session(&[]);
-    let mut contrast = 0.0;
-    for n in 0..40 {
-        let data = paint(n);
-        let frame = Frame::new(&data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
-        if n == 0 {
-            session.start(&frame, target(0), &mut ()).unwrap();
-            continue;
-        }
-        if n == 15 {
-            let narrow = session.params().with([("etepf.features.radius", &Value::Integer(0))], Phase::Running);
-            session.retune(narrow.unwrap(), None);
-        }
-        let said = step(&mut session, &frame);
-        if n == 14 {
-            contrast = said.response;
-        }
-        assert!(said.rect.iou(&target(n)) > 0.5, "frame {n}: {}", said.rect);
-        assert!(said.confidence > 0.8, "frame {n}: {}", said.confidence);
-    }
-    let now = session.output().targets[0].response;
-    assert!(now < 0.8 * contrast, "the features tell less: {now}, and {contrast} before");
+    let mut session = session(&[("etepf.update.enabled", Value::Bool(false))]);
+    session.start(&rgb(&scene(0)), target(0), &mut ()).unwrap();
+    (1..10).for_each(|n| _ = step(&mut session, &rgb(&scene(n))));
+    let before = (10..15).map(|n| step(&mut session, &rgb(&faded(n)))).last().unwrap();
+    assert!(before.state == State::Tracking && before.confidence < 0.85, "{before:?}");
+    let finer = session.params().with([("etepf.features.pixels", &Value::Integer(2000))], Phase::Running);
+    session.retune(finer.unwrap(), None);
+    let after = (15..20).map(|n| step(&mut session, &rgb(&faded(n)))).last().unwrap();
+    assert!(after.confidence > before.confidence + 0.1 && after.rect.iou(&target(19)) > 0.5, "{after:?}");
 }
 
 /// The extremes of all ranges and all choices, set in mid-track, and in force at another mark.
@@ -348,10 +332,15 @@ fn no_value_that_a_parameter_may_have_breaks_a_track() {
     let mut tried = 0;
     for (name, value) in extremes {
         let mut session = session(&[]);
+        // Thresholds that would cross are refused.
+        let changed = match session.params().with([(name, &value)], Phase::Running) {
+            Err(ParamsError::Conflict(_)) => continue,
+            changed => changed.unwrap(),
+        };
         session.start(&rgb(&scenes[0]), target(0), &mut ()).unwrap();
         for n in 1..scenes.len() {
             match n {
-                3 => session.retune(session.params().with([(name, &value)], Phase::Running).unwrap(), None),
+                3 => session.retune(changed.clone(), None),
                 8 => _ = session.start(&rgb(&scenes[7]), target(7), &mut ()).unwrap(),
                 _ => (),
             }
@@ -362,7 +351,7 @@ fn no_value_that_a_parameter_may_have_breaks_a_track() {
         }
         tried += 1;
     }
-    assert!(tried > 60, "{tried}");
+    assert!(tried > 25, "{tried}");
 }
 
 #[derive(Default)]
@@ -374,20 +363,21 @@ struct Seen {
 }
 
 impl Trace for Seen {
-    fn response(&mut self, map: &ResponseMap) {
-        assert_eq!(map.values.len(), map.rows * map.cols);
-        assert!(map.values.iter().all(|v| (0.0..=1.0).contains(v)));
-        self.peak = map.values.iter().copied().fold(0.0, f32::max);
-    }
-
-    fn particle(&mut self, rect: Rect, weight: f64) {
-        assert!(rect.is_finite());
-        self.particles += 1;
-        self.weight += weight;
-    }
-
-    fn mode(&mut self, name: &'static str, _: Rect) {
-        self.modes.push(name);
+    fn event(&mut self, event: Event) {
+        match event {
+            Event::Response(map) => {
+                assert_eq!(map.values.len(), map.rows * map.cols);
+                assert!(map.values.iter().all(|v| (0.0..=1.0).contains(v)));
+                self.peak = map.values.iter().copied().fold(0.0, f32::max);
+            }
+            Event::Particle { rect, weight } => {
+                assert!(rect.is_finite());
+                self.particles += 1;
+                self.weight += weight;
+            }
+            Event::Mode { name, .. } => self.modes.push(name),
+            _ => {}
+        }
     }
 }
 

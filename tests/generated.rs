@@ -1,6 +1,7 @@
 //! Files of parameters must say what the table says. `REGENERATE=1` rewrites those that are made from it.
 
 use std::path::Path;
+use std::process::Command;
 
 use long_term_tracker::params::{self, NodeName, Params, Phase};
 
@@ -31,6 +32,54 @@ fn the_readme_holds_the_table_of_parameters() {
 #[test]
 fn the_default_preset_holds_the_defaults() {
     check("params/default.yaml", |_| params::preset(&Params::default(), "The defaults of every parameter."));
+}
+
+/// What the programs hold of others, with every cargo feature that adds to it.
+const LINKED: [&str; 12] = [
+    "tree",
+    "--locked",
+    "--no-default-features",
+    "--features=lyrical,onnxruntime",
+    "--target=x86_64-unknown-linux-gnu",
+    "--edges=normal,no-proc-macro",
+    "--prefix=none",
+    "--no-dedupe",
+    "--charset=utf8",
+    "--color=never",
+    "--format",
+    "{p}|{l}|{r}",
+];
+const THIRD_PARTY: &str = "# What is linked
+
+The crates that the programs are linked from on x86-64, with the licences that their authors offer. The texts lie in the
+sources of each crate, which cargo downloads. `NOTICE` tells of data by others.
+
+| crate | version | licence | source |
+|---|---|---|---|
+";
+
+#[test]
+fn the_list_of_linked_crates_is_that_of_the_lock_file() {
+    check("THIRD_PARTY.md", |_| {
+        let mut cargo = Command::new(env!("CARGO"));
+        let output = cargo.current_dir(env!("CARGO_MANIFEST_DIR")).args(LINKED).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let tree = String::from_utf8(output.stdout).unwrap();
+        let own = ["long_term_tracker", "yaml_events"];
+        let mut rows: Vec<String> = tree.lines().filter_map(|line| linked(line, &own)).collect();
+        rows.sort();
+        rows.dedup();
+        format!("{THIRD_PARTY}{}", rows.concat())
+    });
+}
+
+/// The row of `NAME vVERSION [(PATH)]|LICENCE|SOURCE`, unless the crate is one of `own`.
+fn linked(line: &str, own: &[&str]) -> Option<String> {
+    let [package, licence, source] = line.split('|').collect::<Vec<_>>().try_into().ok()?;
+    let (name, version) = package.split_once(" v").expect("a name and a version");
+    let version = version.split_whitespace().next().unwrap_or_default();
+    assert!(!licence.is_empty(), "{name} has no licence");
+    (!own.contains(&name)).then(|| format!("| {name} | {version} | {licence} | {source} |\n"))
 }
 
 #[test]

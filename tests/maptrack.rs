@@ -1,9 +1,9 @@
 //! MAPTrack in a session, on scenes made here: what a user of the node meets.
 
 use long_term_tracker::crop::{Cropper, Patch};
-use long_term_tracker::detect::camera::{Motion, warp};
+use long_term_tracker::detect::camera::{CameraMotion, warp};
 use long_term_tracker::params::{Phase, Value};
-use long_term_tracker::trace::{Cues, Trace};
+use long_term_tracker::trace::{Event, Trace};
 use long_term_tracker::{Encoding, Frame, Params, Rect, Session, State};
 
 const WIDTH: usize = 240;
@@ -246,10 +246,10 @@ fn every_parameter_may_change_while_targets_are_followed() {
     let mut session = session(&[]);
     let changes = [
         ("maptrack.image.pixels", Value::Integer(10_000)),
-        ("maptrack.background.gaussians", Value::Integer(3)),
+        ("maptrack.background.window", Value::Integer(300)),
         ("maptrack.find.lambda", Value::Integer(5)),
-        ("maptrack.model.margin", Value::Double(2.0)),
-        ("maptrack.model.history", Value::Integer(2)),
+        ("maptrack.occlusion.begin", Value::Double(0.2)),
+        ("maptrack.find.start", Value::Double(30.0)),
         ("maptrack.groups.share", Value::Bool(false)),
         ("maptrack.pattern.enabled", Value::Bool(false)),
         ("maptrack.find.most", Value::Integer(0)),
@@ -284,7 +284,8 @@ struct Seen {
 }
 
 impl Trace for Seen {
-    fn cues(&mut self, cues: &Cues) {
+    fn event(&mut self, event: Event) {
+        let Event::Cues(cues) = event else { return };
         for (name, values) in cues.images {
             assert_eq!(values.len(), cues.rows * cues.cols, "{name}");
             assert!(values.iter().all(|v| (0.0..=1.0).contains(v)), "{name}");
@@ -334,9 +335,14 @@ impl Shaken {
     fn frame(&mut self, n: usize) -> Frame<'_> {
         let t = n as f64;
         let (width, height) = (self.still.width, self.still.height);
-        let none = Motion::none(width, height);
+        let none = CameraMotion::none(width, height);
         let shift = [4.0 * (1.7 * t).sin() + 0.08 * t, 4.0 * (2.3 * t).cos() - 0.05 * t];
-        warp(&self.still, &Motion { angle: 0.03 * (0.9 * t).sin(), shift, ..none }, &mut self.seen, &mut self.covered);
+        warp(
+            &self.still,
+            &CameraMotion { angle: 0.03 * (0.9 * t).sin(), shift, ..none },
+            &mut self.seen,
+            &mut self.covered,
+        );
         self.bytes.clear();
         for y in 0..height {
             self.bytes.extend((0..width).flat_map(|x| self.seen.rgb(x, y)));
@@ -369,8 +375,11 @@ fn boxes_of_a_stabilised_stream_are_those_of_the_frame() {
     let place = |n: usize, shaken: &Shaken| {
         let t = n as f64;
         let shift = [4.0 * (1.7 * t).sin() + 0.08 * t, 4.0 * (2.3 * t).cos() - 0.05 * t];
-        let motion =
-            Motion { angle: 0.03 * (0.9 * t).sin(), shift, ..Motion::none(shaken.still.width, shaken.still.height) };
+        let motion = CameraMotion {
+            angle: 0.03 * (0.9 * t).sin(),
+            shift,
+            ..CameraMotion::none(shaken.still.width, shaken.still.height)
+        };
         let [x, y] = motion.apply([width as f64 / 2.0, height as f64 / 2.0]);
         Rect::around([x - MARGIN as f64, y - MARGIN as f64], [24.0, 40.0])
     };

@@ -187,7 +187,7 @@ fn a_network_that_cannot_be_used_is_refused_with_its_name_and_what_was_expected(
 }
 
 fn refusal(request: &Request) -> String {
-    request.load().err().expect("a refusal").to_string()
+    request.load().expect_err("a refusal").to_string()
 }
 
 /// The parameters with these changed.

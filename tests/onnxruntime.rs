@@ -110,7 +110,7 @@ fn both_refuse_the_same_networks() {
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
         for inference in BACK_ENDS {
-            let said = request(Some(&path), 32, &["a"], inference).load().err().expect("a refusal").to_string();
+            let said = request(Some(&path), 32, &["a"], inference).load().expect_err("a refusal").to_string();
             assert!(said.contains(why) && said.contains(name), "{inference:?}: {said}");
             assert_eq!(said.lines().count(), 1, "{said}");
         }
@@ -122,7 +122,7 @@ fn a_library_that_is_named_and_is_none_is_an_error() {
     let library = Some(PathBuf::from("/no/such/libonnxruntime.so"));
     for inference in [Inference::Auto, Inference::OnnxRuntime] {
         let request = Request { library: library.clone(), ..request(None, 64, &["block4"], inference) };
-        let said = request.load().err().expect("a refusal").to_string();
+        let said = request.load().expect_err("a refusal").to_string();
         assert!(
             said.starts_with("ONNX Runtime cannot be used") && said.contains("/no/such/libonnxruntime.so"),
             "{said}"
@@ -132,9 +132,9 @@ fn a_library_that_is_named_and_is_none_is_an_error() {
     assert!(unasked.load().is_ok());
 }
 
-/// The preset `paper` with a network of VGG-19's architecture. Its weights are random, so that the features tell little of
-/// where a target is; but a target that stands still matches in all three layers, whose responses then add up to the sum
-/// of their weights, and both back ends see the same in one that moves.
+/// The preset `paper` with a network of VGG-19's architecture. Its weights are random, so that the features tell little
+/// of where a target is; but a target that stands still matches in all three layers, whose responses then add up to the
+/// sum of their weights, and both back ends see the same in one that moves.
 #[test]
 fn vgg19_runs_in_the_paper_preset() {
     let preset = Path::new(env!("CARGO_MANIFEST_DIR")).join("params/paper.yaml");

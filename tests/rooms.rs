@@ -1,5 +1,5 @@
-//! The map in `lib.rs`, held against the source: a room takes only from rooms that stand before it there, and no two files of
-//! the core take from each other, neither by `use` nor by a path in the text. Tests may take from anywhere.
+//! The map in `lib.rs`, held against the source: a room takes only from rooms that stand before it there, and no two
+//! files of the core take from each other, neither by `use` nor by a path in the text. Tests may take from anywhere.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -7,8 +7,8 @@ use std::path::Path;
 /// A module: the names below `crate`.
 type Module = Vec<String>;
 
-/// Rooms whose files may lean on each other: shells around the core, in which what is opened and what opens it know each
-/// other.
+/// Rooms whose files may lean on each other: shells around the core, in which what is opened and what opens it know
+/// each other.
 const SHELLS: [&str; 2] = ["replay", "ros"];
 
 /// One file, read.
@@ -262,9 +262,17 @@ fn imports_are_read_as_the_compiler_reads_them() {
     let all: BTreeMap<Module, Source> = [
         ("", "pub mod a; pub mod b;"),
         ("a", "mod x; mod y; pub use x::{Thing, more as other}; pub use y::*; fn own() {}"),
-        ("a/x", "pub struct Thing; // use crate::b::No;\nconst A: &str = \"// \\\" use crate::b::No\"; const B: char = '\"';"),
+        (
+            "a/x",
+            "pub struct Thing; // use crate::b::No;\nconst A: &str = \"// \\\" use crate::b::No\"; \
+             const B: char = '\"';",
+        ),
         ("a/y", "use super::own;\npub(in crate::b) enum Kind {} const C: &str = r#\"use crate::b::No; \"//\"#;"),
-        ("b", "use crate::a::{self, Kind};\nfn f() { g(crate::a::Thing, a::own()) }\n#[cfg(test)]\nmod tests { use crate::c; }"),
+        (
+            "b",
+            "use crate::a::{self, Kind};\nfn f() { g(crate::a::Thing, a::own()) }\n#[cfg(test)]\n\
+             mod tests { use crate::c; }",
+        ),
     ]
     .into_iter()
     .map(|(path, text)| (module(path), file(text)))

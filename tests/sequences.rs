@@ -1,14 +1,13 @@
 //! The offline command on real video: benchmark sequences in the folder that `SEQUENCES_DIR` names. Where it is not
-//! set the tests say so and pass, for the video may not be shipped.
-//!
-//! They say it on the standard error itself: what tests print is shown of those that fail only.
+//! set the tests say that they are skipped, for the video may not be shipped.
 
-use std::io::Write as _;
-use std::path::PathBuf;
+#[path = "support/sequences.rs"]
+mod sequences;
+
 use std::process::Command;
 
 use long_term_tracker::crop::{Cropper, Patch};
-use long_term_tracker::detect::camera::{Motion, warp};
+use long_term_tracker::detect::camera::{CameraMotion, warp};
 use long_term_tracker::detect::stabilisation::Stabiliser;
 use long_term_tracker::eval::otb::score;
 use long_term_tracker::eval::trajectory::{held_from, median, rmse};
@@ -16,21 +15,10 @@ use long_term_tracker::replay::FrameSource;
 use long_term_tracker::replay::folder::Folder;
 use long_term_tracker::replay::truth;
 use long_term_tracker::{Encoding, Frame, Rect};
+use sequences::sequence;
 
 /// A row of the CSV: the box and the state.
 type Row = (Rect, String);
-
-/// The folder of the sequence; `None`, and a line, where there is no video.
-fn sequence(name: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("SEQUENCES_DIR");
-    if root.is_none() {
-        let test = std::thread::current();
-        let test = test.name().unwrap_or_default();
-        // Whether it can be told is not what is tested.
-        let _ = writeln!(std::io::stderr(), "{test} ({name}): skipped: no SEQUENCES_DIR");
-    }
-    Some(PathBuf::from(root?).join(name))
-}
 
 /// What `track` says of a sequence, and the truth; `None` where there is no video.
 fn track(name: &str) -> Option<(Vec<Row>, Vec<Option<Rect>>)> {
@@ -82,7 +70,8 @@ fn etepf_is_as_near_to_the_girl_as_its_paper_and_finds_her_again() {
         let Some((rows, truth)) = track_with("Girl", &["--algorithm", "etepf", "-p", seed]) else { return };
         let boxes: Vec<Rect> = rows.iter().map(|r| r.0).collect();
         errors.push(rmse(&boxes, &truth).unwrap());
-        // She turns away, and is reported lost; from frame 113 on her face comes back. From 411 on a man passes in front.
+        // She turns away, and is reported lost; from frame 113 on her face comes back. From 411 on a man passes in
+        // front.
         assert!(rows[82..113].iter().any(|r| r.1 == "lost"), "{seed}");
         for (from, until) in [(112, 140), (440, 460)] {
             let held = held_from(&boxes, &truth, from).unwrap_or(usize::MAX);
@@ -93,8 +82,8 @@ fn etepf_is_as_near_to_the_girl_as_its_paper_and_finds_her_again() {
     assert!(u <= 13.28 && v <= 4.51, "{errors:?}");
 }
 
-/// A camera that shakes by 6 px, turns by 4 degrees and pans by 40 px, before a crowd that walks: what is asked of MAPTrack's
-/// stabilisation.
+/// A camera that shakes by 6 px, turns by 4 degrees and pans by 40 px, before a crowd that walks: what is asked of
+/// MAPTrack's stabilisation.
 #[test]
 fn the_motion_of_a_camera_is_recovered_before_a_crowd() {
     const INSET: f64 = 60.0;
@@ -110,10 +99,10 @@ fn the_motion_of_a_camera_is_recovered_before_a_crowd() {
         // Shakes that never repeat.
         let t = f64::from(frame);
         let shake = |k: f64| if frame == 0 { 0.0 } else { (t * t * k).sin() };
-        let camera = Motion {
+        let camera = CameraMotion {
             angle: (4.0 * (t / 45.0).sin() + 0.5 * shake(0.7)).to_radians(),
             shift: [36.0 * (t / 60.0).sin() + 6.0 * shake(1.1), 30.0 * (t / 37.0).sin() + 6.0 * shake(1.9)],
-            ..Motion::none(width, height)
+            ..CameraMotion::none(width, height)
         };
         warp(&whole, &camera.inverse(), &mut moved, &mut covered);
         // What the camera sees: less than there is.

@@ -17,8 +17,8 @@ const FULL_HD: u32 = 150;
 /// machine may be busier for a while than it is found to be.
 const AT_ONCE: f64 = 1.0;
 const TRIALS: usize = 3;
-/// Of the images that are sent at 1920 x 1080, each when the last is answered, at most so many are lost on the way, best
-/// effort as they are.
+/// Of the images that are sent at 1920 x 1080, each when the last is answered, at most so many are lost on the way,
+/// best effort as they are.
 const LOST: f64 = 0.005;
 /// So many more may be: one that is lost in a few seconds, when the machine does something else, is no rate.
 const LOST_BY_CHANCE: f64 = 2.0;

@@ -1,7 +1,7 @@
 //! What changes in mid-stream, and marks on frames that have passed.
 
 use long_term_tracker::params::{Phase, Value};
-use long_term_tracker::trace::{ResponseMap, Trace};
+use long_term_tracker::trace::{Event, Trace};
 use long_term_tracker::{Encoding, Frame, Params, Rect, Session, StartError, State, Target};
 
 const WIDTH: usize = 240;
@@ -66,8 +66,10 @@ fn scenes(count: usize) -> Vec<Vec<u8>> {
 struct Window(Rect, usize);
 
 impl Trace for Window {
-    fn response(&mut self, map: &ResponseMap) {
-        (self.0, self.1) = (map.window, map.cols);
+    fn event(&mut self, event: Event) {
+        if let Event::Response(map) = event {
+            (self.0, self.1) = (map.window, map.cols);
+        }
     }
 }
 
@@ -88,8 +90,8 @@ fn a_target_is_held_while_parameters_change() {
         ("lcmht.scale.area", Value::Double(1024.0)),
         ("lcmht.scale.enabled", Value::Bool(false)),
         ("lcmht.scale.enabled", Value::Bool(true)),
-        ("lcmht.svm.template_cells", Value::Integer(30)),
-        ("lcmht.svm.c", Value::Double(1.0)),
+        ("lcmht.svm.scan_extent", Value::Double(5.0)),
+        ("lcmht.svm.opinion", Value::Double(0.2)),
         ("lcmht.augment.enabled", Value::Bool(false)),
         ("lcmht.filter.kind", Value::String("kernelised".into())),
         ("lcmht.filter.kind", Value::String("masked".into())),

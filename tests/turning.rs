@@ -55,8 +55,8 @@ fn image(own: &Texture, ground: &Texture, k: usize) -> Vec<u8> {
     (0..WIDTH * HEIGHT).map(pixel).collect()
 }
 
-/// In how many of the `SCENES` the target is followed to the end: the box has most of it in all but a few frames, and is said
-/// to.
+/// In how many of the `SCENES` the target is followed to the end: the box has most of it in all but a few frames, and
+/// is said to.
 fn followed(turns: bool) -> usize {
     let (turns, off) = (Value::Bool(turns), Value::Bool(false));
     let changes = [("lcmht.turn.enabled", &turns), ("lcmht.cnn.enabled", &off)];
@@ -81,7 +81,8 @@ fn followed(turns: bool) -> usize {
     (1..=SCENES).filter(|&seed| held(seed) > FRAMES - 10).count()
 }
 
-/// Chance has its share in each scene: the ground is of the same kind, and of the target the view knows each look for a moment.
+/// Chance has its share in each scene: the ground is of the same kind, and of the target the view knows each look for a
+/// moment.
 #[test]
 fn most_targets_that_turn_are_followed() {
     let count = followed(true);

@@ -4,6 +4,8 @@
 //! The node runs in a process of its own, as `tracker_node` would. Everything shown comes from its `~/tracks`
 //! messages, matched with the frames by their stamps.
 
+#![forbid(unsafe_code)]
+
 mod clip;
 #[path = "../../tests/support/domain.rs"]
 mod domain;

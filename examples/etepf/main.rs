@@ -1,7 +1,9 @@
-//! ETEPF beside its two halves, on the sequence of its paper: root mean square errors over many seeds, when the target is
-//! held again, and curves of its path.
+//! ETEPF beside its two halves, on the sequence of its paper: root mean square errors over many seeds, when the target
+//! is held again, and curves of its path.
 //!
 //! `cargo run --release --example etepf -- SEQUENCES [--figure docs/etepf-girl.svg] [--seeds 20] [-p NAME:=VALUE]`
+
+#![forbid(unsafe_code)]
 
 mod figure;
 
@@ -15,14 +17,14 @@ use long_term_tracker::eval::run::{Clock, Setup, Start, run};
 use long_term_tracker::eval::trajectory::{held_from, median, rmse};
 use long_term_tracker::params::{Assignment, Params, Phase, Value, assignment};
 
-/// The paper's sequence, and in it, counted from 1: the frame in which she turns back, and the one in which the head of the
-/// man is gone from hers for the first time.
+/// The paper's sequence, and in it, counted from 1: the frame in which she turns back, and the one in which the head of
+/// the man is gone from hers for the first time.
 const SEQUENCE: &str = "Girl";
 const TURNED_BACK: usize = 113;
 const UNCOVERED: usize = 441;
 
-/// ETEPF, ET and PF as the paper compares them, with the parameters of each. Ensemble tracking updates its ensemble, colour
-/// particles keep to the colours of the first frame.
+/// ETEPF, ET and PF as the paper compares them, with the parameters of each. Ensemble tracking updates its ensemble,
+/// colour particles keep to the colours of the first frame.
 const METHODS: [(&str, &[(&str, &str)]); 3] = [
     ("ET", &[("etepf.particles.method", "mean_shift")]),
     (

@@ -1,9 +1,9 @@
 //! Altered looks at the target in the first frame, which the filters are trained on as well: data augmentation.
 //!
 //! A single look teaches a filter what the target is down to its noise. Altered looks, blurred as by motion, nearer and
-//! farther, mirrored and turned, teach it what stays when the target moves (in the manner of Bhat et al., *Unveiling the
-//! Power of Deep Tracking*, ECCV 2018). As there, the strongest alterations are for the features of a network alone:
-//! gradients and colours tell where the target is, and know it less well when it may be turned.
+//! farther, mirrored and turned, teach it what stays when the target moves (in the manner of Bhat et al., *Unveiling
+//! the Power of Deep Tracking*, ECCV 2018). As there, the strongest alterations are for the features of a network
+//! alone: gradients and colours tell where the target is, and know it less well when it may be turned.
 
 use super::settings::LookSettings;
 use crate::crop::Alteration;

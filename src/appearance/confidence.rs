@@ -10,15 +10,17 @@ use crate::output::State;
 /// The reference starts at this share of the response to the very sample that the filter was trained on: no later look
 /// of the target answers as well.
 const FIRST_SHARE: f64 = 0.6;
-/// Share of the reference that is left of it at least when the images become of another kind: what answers less is not the
-/// target without its colours, but something in front of it.
+/// Share of the reference that is left of it at least when the images become of another kind: what answers less is not
+/// the target without its colours, but something in front of it.
 const LEAST_REBASE: f64 = 0.25;
+/// Rate at which the reference follows the response of a frame.
+const ADAPT: f64 = 0.05;
 /// Keeps the reference above zero.
 const LEAST_REFERENCE: f64 = 1e-6;
 
 /// Logarithm of the odds that the box overlaps the target by more than half, against quality: slope and value at 0. By
-/// logistic regression over the frames of 26 real sequences, each weighted by the root of its length, with and without a
-/// network; `evaluate` shows how well it holds.
+/// logistic regression over the frames of 26 real sequences, each weighted by the root of its length, with and without
+/// a network; `evaluate` shows how well it holds.
 const ODDS_SLOPE: f64 = 2.9;
 const ODDS_AT_ZERO: f64 = -1.0;
 /// Share of that probability that is left when the target is lost: its box is a guess.
@@ -51,8 +53,8 @@ impl Confidence {
         self.settings = settings.clone();
     }
 
-    /// Another filter answers from now on, whose training sample got `response`. Gives what a response of the filter before
-    /// is worth in responses of this one.
+    /// Another filter answers from now on, whose training sample got `response`. Gives what a response of the filter
+    /// before is worth in responses of this one.
     pub fn remake(&mut self, response: f64) -> f64 {
         let before = std::mem::replace(&mut self.reference, (FIRST_SHARE * response).max(LEAST_REFERENCE));
         self.reference / before
@@ -125,7 +127,7 @@ impl Confidence {
             self.state = if gone { State::Lost } else { State::Uncertain };
         }
         if self.state != State::Lost {
-            self.reference += self.settings.adapt * (response - self.reference);
+            self.reference += ADAPT * (response - self.reference);
             self.reference = self.reference.max(LEAST_REFERENCE);
         }
         self.state
@@ -141,8 +143,8 @@ impl Confidence {
         self.state
     }
 
-    /// Takes what a tracked target just got for what it usually gets from now on, or [`LEAST_REBASE`] of that: the images
-    /// have become of another kind.
+    /// Takes what a tracked target just got for what it usually gets from now on, or [`LEAST_REBASE`] of that: the
+    /// images have become of another kind.
     pub fn rebase(&mut self, response: f64) {
         if self.state == State::Tracking {
             self.reference = response.max(LEAST_REBASE * self.reference).max(LEAST_REFERENCE);

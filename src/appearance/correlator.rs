@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::augment::Look;
 use super::filters::Filters;
-use super::layers::{Cut, Extractor, LayerSpec, Source};
+use super::layers::{Cut, Extractor, LayerSource, LayerSpec};
 use super::settings::{AppearanceSettings, FilterSettings, SearchShape};
 use crate::crop::{Alteration, Cropper, turn_about};
 use crate::dcf::fft::Fft2;
@@ -16,7 +16,7 @@ use crate::features::contrast::AROUND;
 use crate::frame::Frame;
 use crate::geometry::{Rect, turned};
 use crate::network::SharedCnn;
-use crate::trace::{ResponseMap, Trace};
+use crate::trace::{Event, ResponseMap, Trace};
 
 /// Local maxima of a response map that are weighed against the motion model.
 const PEAKS: usize = 8;
@@ -31,9 +31,9 @@ pub struct Correlator {
     fft: Fft2,
     extractor: Extractor,
     filters: Filters,
-    view: View,
+    view: SearchView,
     /// The look that another one is compared with.
-    aside: View,
+    aside: SearchView,
     peaks: Vec<Peak>,
     answers: Vec<Answer>,
     /// Altered looks at the first frame's target that have not been learned yet.
@@ -47,7 +47,7 @@ pub struct Correlator {
 
 /// A look through the search window.
 #[derive(Default)]
-struct View {
+struct SearchView {
     window: Rect,
     /// How far the picture is turned about the window's centre, in degrees clockwise.
     turn: f64,
@@ -68,8 +68,9 @@ pub struct Answer {
 }
 
 impl Correlator {
-    /// Learns the target in `rect`. Gives the response to the very sample it was trained on as well. Layers of a network are
-    /// left out where none is given. Altered looks are cut out, and wait for [`learn_look`](Self::learn_look).
+    /// Learns the target in `rect`. Gives the response to the very sample it was trained on as well. Layers of a
+    /// network are left out where none is given. Altered looks are cut out, and wait for
+    /// [`learn_look`](Self::learn_look).
     pub(super) fn new(
         all: &AppearanceSettings,
         cnn: Option<SharedCnn>,
@@ -81,7 +82,7 @@ impl Correlator {
         let window = search_window(settings, rect.centre(), rect.size());
         let (rows, cols) = grid(settings, &window);
         let mut fft = Fft2::new(rows, cols);
-        let is_there = |spec: &&LayerSpec| cnn.is_some() || !matches!(spec.source, Source::Network(_));
+        let is_there = |spec: &&LayerSpec| cnn.is_some() || !matches!(spec.source, LayerSource::Network(_));
         let specs: Vec<LayerSpec> = all.layers.iter().filter(is_there).cloned().collect();
         let extractor = Extractor::fit(&specs, cnn, rows, cols, frame, &window, cropper);
         let cells = [rect.w * cols as f64 / window.w, rect.h * rows as f64 / window.h];
@@ -93,8 +94,8 @@ impl Correlator {
             fft,
             extractor,
             filters,
-            view: View { response: vec![0.0; rows * cols], ..View::default() },
-            aside: View { response: vec![0.0; rows * cols], ..View::default() },
+            view: SearchView { response: vec![0.0; rows * cols], ..SearchView::default() },
+            aside: SearchView { response: vec![0.0; rows * cols], ..SearchView::default() },
             peaks: Vec::with_capacity(PEAKS),
             answers: Vec::with_capacity(PEAKS),
             looks: VecDeque::new(),
@@ -122,8 +123,8 @@ impl Correlator {
         }
     }
 
-    /// Looks for a target of size `size` around `centre`, in a picture turned by `turn` degrees clockwise: fills the sample
-    /// and the response map (eqs 5 and 6).
+    /// Looks for a target of size `size` around `centre`, in a picture turned by `turn` degrees clockwise: fills the
+    /// sample and the response map (eqs 5 and 6).
     pub fn look(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2], turn: f64) {
         self.see(frame, cropper, search_window(&self.settings, centre, size), turn);
         self.respond();
@@ -141,8 +142,8 @@ impl Correlator {
         self.look_again(frame, cropper, self.view.window, turn, wanted)
     }
 
-    /// Looks through the same window around `centre`, and stays there if the highest response is then `wanted`. Says whether
-    /// it is.
+    /// Looks through the same window around `centre`, and stays there if the highest response is then `wanted`. Says
+    /// whether it is.
     pub fn look_around(
         &mut self,
         frame: &Frame,
@@ -150,7 +151,7 @@ impl Correlator {
         centre: [f64; 2],
         wanted: impl Fn(f64) -> bool,
     ) -> bool {
-        let View { window, turn, .. } = self.view;
+        let SearchView { window, turn, .. } = self.view;
         self.look_again(frame, cropper, Rect::around(centre, window.size()), turn, wanted)
     }
 
@@ -207,20 +208,20 @@ impl Correlator {
     }
 
     fn answer(&self, peak: &Peak) -> Answer {
-        let View { window, turn, .. } = &self.view;
+        let SearchView { window, turn, .. } = &self.view;
         let [x, y] = window.centre();
         let cell = [window.w / self.cols as f64, window.h / self.rows as f64];
         let [dx, dy] = turned([peak.displacement[0] * cell[0], peak.displacement[1] * cell[1]], -turn.to_radians());
         Answer { centre: [x + dx, y + dy], response: f64::from(peak.value) }
     }
 
-    /// Learns the target at `centre` (eqs 4 and 8). By default the sample of the last look is shifted there, if that showed
-    /// it at all; the paper cuts it anew. Where nothing is to be seen, nothing is learned.
+    /// Learns the target at `centre` (eqs 4 and 8). By default the sample of the last look is shifted there, if that
+    /// showed it at all; the paper cuts it anew. Where nothing is to be seen, nothing is learned.
     pub fn learn(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
         if self.settings.recrop || self.view.window.intersection(&Rect::around(centre, size)).area() == 0.0 {
             self.see(frame, cropper, search_window(&self.settings, centre, size), self.view.turn);
         } else {
-            let View { window, turn, sample, .. } = &mut self.view;
+            let SearchView { window, turn, sample, .. } = &mut self.view;
             let [x, y] = window.centre();
             let [dx, dy] = turned([x - centre[0], y - centre[1]], turn.to_radians());
             sample.shift(&self.fft, [dx * self.cols as f64 / window.w, dy * self.rows as f64 / window.h]);
@@ -232,8 +233,8 @@ impl Correlator {
 
     /// Shows the response map of the last look.
     pub fn show(&mut self, trace: &mut dyn Trace) {
-        let Self { view: View { window, turn, response, .. }, rows, cols, shown, spare, .. } = self;
-        trace.search_window(*window);
+        let Self { view: SearchView { window, turn, response, .. }, rows, cols, shown, spare, .. } = self;
+        trace.event(Event::SearchWindow(*window));
         centred(response, *rows, *cols, shown);
         let cell = [window.w / *cols as f64, window.h / *rows as f64];
         let middle = [*cols / 2, *rows / 2];
@@ -243,7 +244,7 @@ impl Correlator {
         // The middle of the window is that of the cell of no displacement, not the border of two.
         let at = |i: usize| window.centre()[i] - (middle[i] as f64 + 0.5) * cell[i];
         let window = Rect::new(at(0), at(1), window.w, window.h);
-        trace.response(&ResponseMap { values: shown, rows: *rows, cols: *cols, window });
+        trace.event(Event::Response(&ResponseMap { values: shown, rows: *rows, cols: *cols, window }));
     }
 
     fn see(&mut self, frame: &Frame, cropper: &mut Cropper, window: Rect, turn: f64) {
@@ -258,7 +259,7 @@ impl Correlator {
     }
 
     fn respond(&mut self) {
-        let View { blank, sample, response, .. } = &mut self.view;
+        let SearchView { blank, sample, response, .. } = &mut self.view;
         if *blank {
             response.fill(0.0);
         } else {
@@ -266,7 +267,8 @@ impl Correlator {
         }
     }
 
-    /// Cuts the altered looks out of the first frame. Those that differ in how they are mirrored and turned share a cut.
+    /// Cuts the altered looks out of the first frame. Those that differ in how they are mirrored and turned share a
+    /// cut.
     fn cut_looks(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect) {
         let Self { settings, extractor, filters, looks, .. } = self;
         for &look in filters.looks() {
@@ -283,7 +285,8 @@ impl Correlator {
         }
     }
 
-    /// Learns the next altered look at the first frame's target, if one is left. Overwrites the sample of the last look.
+    /// Learns the next altered look at the first frame's target, if one is left. Overwrites the sample of the last
+    /// look.
     pub fn learn_look(&mut self, cropper: &mut Cropper) {
         let Self { fft, extractor, filters, view, looks, cut, .. } = self;
         let Some((look, unaltered)) = looks.pop_front() else {
@@ -304,8 +307,9 @@ fn search_window(settings: &FilterSettings, centre: [f64; 2], size: [f64; 2]) ->
     Rect::around(centre, sides.map(|side| side * settings.window))
 }
 
-/// Rows and columns of the feature grid. The longer side has as many cells as the settings say. A window of the target's
-/// shape has no more than the image resolves, a cell for 4 px: the paper's features of a quarter of the window's size.
+/// Rows and columns of the feature grid. The longer side has as many cells as the settings say. A window of the
+/// target's shape has no more than the image resolves, a cell for 4 px: the paper's features of a quarter of the
+/// window's size.
 fn grid(settings: &FilterSettings, window: &Rect) -> (usize, usize) {
     let longer = window.w.max(window.h);
     let resolved = (longer / CELL as f64).round();
@@ -396,8 +400,8 @@ mod tests {
         assert!(distance(correlator.highest().centre, TARGET.centre()) < 1.5, "{:?}", correlator.highest());
     }
 
-    /// What a mark costs, counted: a run of the network and a few steps for the true look, and then as much, or less, for each
-    /// altered one, in a frame of its own.
+    /// What a mark costs, counted: a run of the network and a few steps for the true look, and then as much, or less,
+    /// for each altered one, in a frame of its own.
     #[test]
     fn a_mark_costs_one_run_of_the_network_and_each_later_frame_one_look_more() {
         let (settings, cnn) = (with_network(), network());
@@ -428,7 +432,7 @@ mod tests {
     /// HOG, colour names, and two outputs of the embedded network.
     fn with_network() -> AppearanceSettings {
         let mut settings = AppearanceSettings::default();
-        let output = |i, components, energy| LayerSpec::scaled(Source::Network(i), Some(components), energy);
+        let output = |i, components, energy| LayerSpec::scaled(LayerSource::Network(i), Some(components), energy);
         settings.layers.extend([output(0, 8, 0.1), output(1, 32, 0.2)]);
         settings
     }

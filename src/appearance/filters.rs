@@ -1,15 +1,16 @@
 //! The correlation filters behind one response map: the paper's kernelised one, or masked ones, of which the network's
 //! layers may have one of their own.
 //!
-//! A network's features know a target that is mirrored or turned; gradients and colours lose it when they learn such looks.
-//! Apart from these, the network's layers can learn stronger alterations of the target, with another weight of the filter's
-//! norm, and have their say by a fixed share (in the manner of Bhat et al., *Unveiling the Power of Deep Tracking*, ECCV
-//! 2018, whose shares are chosen frame by frame; the paper adds the responses of its layers likewise, eq 6).
+//! A network's features know a target that is mirrored or turned; gradients and colours lose it when they learn such
+//! looks. Apart from these, the network's layers can learn stronger alterations of the target, with another weight of
+//! the filter's norm, and have their say by a fixed share (in the manner of Bhat et al., *Unveiling the Power of Deep
+//! Tracking*, ECCV 2018, whose shares are chosen frame by frame; the paper adds the responses of its layers likewise,
+//! eq 6).
 
 use std::ops::Range;
 
 use super::augment::{self, Look};
-use super::layers::{Extractor, Source};
+use super::layers::{Extractor, LayerSource};
 use super::settings::{AppearanceSettings, FilterForm, FilterSettings, NetworkFilterSettings};
 use crate::dcf::fft::Fft2;
 use crate::dcf::kernelised::{self, KernelisedFilter};
@@ -18,7 +19,8 @@ use crate::dcf::sample::Sample;
 use crate::dcf::window::{label, mask};
 use crate::geometry::Rect;
 
-/// Conjugate-gradient steps of a masked filter on the first frame's sample, and on each altered look at it once that has come.
+/// Conjugate-gradient steps of a masked filter on the first frame's sample, and on each altered look at it once that
+/// has come.
 pub(super) const FIRST_STEPS: usize = 12;
 pub(super) const LOOK_STEPS: usize = 6;
 
@@ -41,8 +43,8 @@ pub(super) struct Part {
 }
 
 impl Filters {
-    /// Untrained filters on the layers of `extractor`. `target` is that of the first frame in pixels, `cells` its width and
-    /// height on the grid.
+    /// Untrained filters on the layers of `extractor`. `target` is that of the first frame in pixels, `cells` its width
+    /// and height on the grid.
     pub(super) fn new(
         all: &AppearanceSettings,
         extractor: &Extractor,
@@ -55,13 +57,14 @@ impl Filters {
         let label = label(rows, cols, settings.label_sigma * (cells[0] * cells[1]).sqrt());
         if settings.form == FilterForm::Kernelised {
             let layer_weights = extractor.layers().map(|(spec, _)| spec.weight).collect();
-            let settings = kernelised::Settings { regularisation: settings.regularisation as f32, layer_weights };
+            let settings =
+                kernelised::KernelisedSettings { regularisation: settings.regularisation as f32, layer_weights };
             return Self::Kernelised(KernelisedFilter::new(settings, fft, &label));
         }
         let mask = mask(rows, cols, settings.mask * cells[0], settings.mask * cells[1]);
         let parts = roles(all, extractor).into_iter().map(|role| {
             let looks = all.looks.as_ref().map_or_else(Vec::new, |s| augment::looks(s, target, role.strong_looks));
-            let settings = masked::Settings {
+            let settings = masked::MaskedSettings {
                 looks: 1 + looks.len(),
                 memory: settings.memory.max(2 + looks.len()),
                 first_weight: settings.first_weight as f32,
@@ -165,7 +168,7 @@ struct Role {
 /// The roles that the layers of `extractor` are divided into.
 fn roles(settings: &AppearanceSettings, extractor: &Extractor) -> Vec<Role> {
     let all = extractor.channels();
-    let network = extractor.layers().find(|(spec, _)| matches!(spec.source, Source::Network(_)));
+    let network = extractor.layers().find(|(spec, _)| matches!(spec.source, LayerSource::Network(_)));
     let first = network.map_or(all, |(_, channels)| channels.start);
     let alone =
         Role { channels: 0..all, share: 1.0, regularisation: settings.filter.regularisation, strong_looks: false };

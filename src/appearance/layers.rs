@@ -17,8 +17,8 @@ use crate::frame::Frame;
 use crate::geometry::Rect;
 use crate::network::{SharedCnn, locked};
 
-/// Share of a map's energy that its layer must have in the first frame to be scaled up: less, and what the layer would show
-/// are errors of rounding. Where a window is of one colour, nothing is left of colour names without their mean.
+/// Share of a map's energy that its layer must have in the first frame to be scaled up: less, and what the layer would
+/// show are errors of rounding. Where a window is of one colour, nothing is left of colour names without their mean.
 const LEAST_ENERGY: f32 = 1e-6;
 
 /// A feature that a layer may be made of.
@@ -32,7 +32,7 @@ pub enum Feature {
 
 /// Where a layer's channels come from.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Source {
+pub enum LayerSource {
     /// Features on the grid of cells, whose channels stand beside each other.
     Cells(Vec<Feature>),
     /// An output of the network, counted as in its settings.
@@ -43,11 +43,11 @@ pub enum Source {
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerSpec {
     /// Where its channels come from.
-    pub source: Source,
+    pub source: LayerSource,
     /// Principal components to keep, fixed in the first frame; `None` keeps the channels as they are.
     pub components: Option<usize>,
-    /// The mean energy of a cell that the layer is scaled to in the first frame; `None` leaves it as it is. A layer that
-    /// shows nothing there stays silent.
+    /// The mean energy of a cell that the layer is scaled to in the first frame; `None` leaves it as it is. A layer
+    /// that shows nothing there stays silent.
     pub energy: Option<f32>,
     /// Weight of its response where each layer has a filter of its own (gamma of LCMHT eq 6).
     pub weight: f32,
@@ -55,7 +55,7 @@ pub struct LayerSpec {
 
 impl LayerSpec {
     /// A layer of this energy, which weighs as much.
-    pub fn scaled(source: Source, components: Option<usize>, energy: f32) -> Self {
+    pub fn scaled(source: LayerSource, components: Option<usize>, energy: f32) -> Self {
         Self { source, components, energy: Some(energy), weight: energy }
     }
 }
@@ -81,8 +81,8 @@ pub struct Cut {
 }
 
 impl Cut {
-    /// Whether it shows anything that could be followed, where `tile` is the share of the window's sides that a target and
-    /// its surroundings take.
+    /// Whether it shows anything that could be followed, where `tile` is the share of the window's sides that a target
+    /// and its surroundings take.
     pub fn shows_anything(&self, tile: f64) -> bool {
         let side = |length: usize| (length as f64 * tile).round() as usize;
         contrast::shows_anything(&self.cells, [side(self.cells.width), side(self.cells.height)])
@@ -131,7 +131,7 @@ impl Extractor {
         window: &Rect,
         cropper: &mut Cropper,
     ) -> Self {
-        let network = specs.iter().any(|spec| matches!(spec.source, Source::Network(_)));
+        let network = specs.iter().any(|spec| matches!(spec.source, LayerSource::Network(_)));
         let mut extractor = Self {
             rows,
             cols,
@@ -224,7 +224,8 @@ impl Extractor {
         self.transform(fft, sample);
     }
 
-    /// Fills `sample` with the spectra of what was looked at last: after [`fit`](Self::fit), of what that was fitted to.
+    /// Fills `sample` with the spectra of what was looked at last: after [`fit`](Self::fit), of what that was fitted
+    /// to.
     pub fn transform(&mut self, fft: &mut Fft2, sample: &mut Sample) {
         let mut layers = std::mem::take(&mut self.layers);
         let channels: usize = layers.iter().map(|layer| layer.channels).sum();
@@ -250,11 +251,11 @@ impl Extractor {
         let mut network = false;
         for spec in specs {
             match &spec.source {
-                Source::Cells(features) => features.iter().for_each(|feature| match feature {
+                LayerSource::Cells(features) => features.iter().for_each(|feature| match feature {
                     Feature::Hog => self.hog.compute(&cut.cells, &mut self.hog_map),
                     Feature::ColourNames => colour_names::compute(&cut.cells, &mut self.names_map),
                 }),
-                Source::Network(_) => network = true,
+                LayerSource::Network(_) => network = true,
             }
         }
         if network && let Some(cnn) = &self.cnn {
@@ -263,13 +264,13 @@ impl Extractor {
     }
 
     /// Gives `work` the map of a source, and room for its projection.
-    fn with_map<T>(&mut self, source: &Source, work: impl FnOnce(&FeatureMap, &mut FeatureMap) -> T) -> T {
+    fn with_map<T>(&mut self, source: &LayerSource, work: impl FnOnce(&FeatureMap, &mut FeatureMap) -> T) -> T {
         match source {
-            Source::Cells(features) => {
+            LayerSource::Cells(features) => {
                 self.join(features);
                 work(&self.joined, &mut self.projected)
             }
-            Source::Network(output) => {
+            LayerSource::Network(output) => {
                 let cnn = self.cnn.as_ref().expect("layers of the network come with one");
                 work(&locked(cnn).maps()[*output], &mut self.projected)
             }
@@ -324,7 +325,7 @@ mod tests {
 
     /// The mean energy of a cell of each layer, HOG and colour names, in images of `SIDE` pixels, fitted to the first.
     fn energies(first: &[u8], then: &[u8]) -> [f32; 2] {
-        let spec = |feature, n| LayerSpec::scaled(Source::Cells(vec![feature]), Some(n), 1.0);
+        let spec = |feature, n| LayerSpec::scaled(LayerSource::Cells(vec![feature]), Some(n), 1.0);
         let specs = [spec(Feature::Hog, 16), spec(Feature::ColourNames, 10)];
         let frame = |data| Frame::new(data, SIDE as u32, SIDE as u32, 3 * SIDE, Encoding::Rgb8, None).unwrap();
         let (window, cells) = (Rect::new(0.0, 0.0, SIDE as f64, SIDE as f64), SIDE / CELL);

@@ -1,8 +1,8 @@
 //! What a target looks like: correlation filters on layers of features, a scale filter, and what a response says of it.
 //!
-//! [`Appearance`] learns a target in one frame and knows it in the next ones. Its settings are its own, and it knows of no
-//! tracker: one that has no more to say of a target than its looks calls [`Appearance::recognise`]; others take its stages
-//! and put theirs between.
+//! [`Appearance`] learns a target in one frame and knows it in the next ones. Its settings are its own, and it knows of
+//! no tracker: one that has no more to say of a target than its looks calls [`Appearance::recognise`]; others take its
+//! stages and put theirs between.
 //!
 //! | file | what it holds |
 //! |---|---|
@@ -61,8 +61,8 @@ pub struct Recognised {
 }
 
 impl Appearance {
-    /// Learns the target in `rect`, and gives the response to the very sample that the filter was trained on as well. Layers
-    /// of a network are left out where none is given. Altered looks wait for [`Correlator::learn_look`].
+    /// Learns the target in `rect`, and gives the response to the very sample that the filter was trained on as well.
+    /// Layers of a network are left out where none is given. Altered looks wait for [`Correlator::learn_look`].
     pub fn new(
         settings: &AppearanceSettings,
         network: Option<SharedCnn>,
@@ -86,9 +86,9 @@ impl Appearance {
         self.confidence.state()
     }
 
-    /// Takes over settings that need nothing made anew (the rates and steps of learning, the interval, `recrop`, `subcell`, the
-    /// share of the network's filter, what is made of a response) and, if one is given, what runs the same network by now.
-    /// What else differs waits for [`remake`](Self::remake): `settings` are those in force then.
+    /// Takes over settings that need nothing made anew (the rates and steps of learning, the interval, `recrop`,
+    /// `subcell`, the share of the network's filter, what is made of a response) and, if one is given, what runs the
+    /// same network by now. What else differs waits for [`remake`](Self::remake): `settings` are those in force then.
     pub fn retune(&mut self, settings: &AppearanceSettings, network: Option<&SharedCnn>) {
         self.correlator.retune(settings, network);
         self.confidence.retune(&settings.confidence);

@@ -1,8 +1,8 @@
 //! The one-dimensional scale filter, in the manner of DSST (Danelljan, Häger, Khan and Felsberg, *Accurate scale
 //! estimation for robust visual tracking*, BMVC 2014).
 //!
-//! The target is cropped at a ladder of scales around its present size; each crop's HOG (of its luma) is one column of a sample.
-//! A correlation filter along the ladder answers with its peak at the scale that fits.
+//! The target is cropped at a ladder of scales around its present size; each crop's HOG (of its luma) is one column of
+//! a sample. A correlation filter along the ladder answers with its peak at the scale that fits.
 
 use std::sync::Arc;
 

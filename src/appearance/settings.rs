@@ -1,6 +1,6 @@
 //! What an [`Appearance`](super::Appearance) is made of. The defaults are those of hand-crafted features alone.
 
-use super::layers::{Feature, LayerSpec, Source};
+use super::layers::{Feature, LayerSource, LayerSpec};
 
 /// Eleven probabilities sum to one: ten components hold them all.
 pub const COLOUR_COMPONENTS: usize = 10;
@@ -26,8 +26,8 @@ impl Default for AppearanceSettings {
     fn default() -> Self {
         Self {
             layers: vec![
-                LayerSpec::scaled(Source::Cells(vec![Feature::Hog]), Some(16), 1.0),
-                LayerSpec::scaled(Source::Cells(vec![Feature::ColourNames]), Some(COLOUR_COMPONENTS), 0.5),
+                LayerSpec::scaled(LayerSource::Cells(vec![Feature::Hog]), Some(16), 1.0),
+                LayerSpec::scaled(LayerSource::Cells(vec![Feature::ColourNames]), Some(COLOUR_COMPONENTS), 0.5),
             ],
             filter: FilterSettings::default(),
             network_filter: Some(NetworkFilterSettings::default()),

@@ -1,5 +1,7 @@
 //! `evaluate`: scores trackers on sequences with ground truth. See [`long_term_tracker::cli::evaluate`].
 
+#![forbid(unsafe_code)]
+
 use std::process::ExitCode;
 
 use clap::Parser;

@@ -1,5 +1,7 @@
 //! `track`: follows a target through recorded frames. See [`long_term_tracker::cli::track`].
 
+#![forbid(unsafe_code)]
+
 use std::process::ExitCode;
 
 use clap::Parser;

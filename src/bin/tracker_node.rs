@@ -1,5 +1,7 @@
 //! The ROS 2 node; see [`long_term_tracker::ros`].
 
+#![forbid(unsafe_code)]
+
 use std::process::ExitCode;
 
 fn main() -> ExitCode {

@@ -13,8 +13,9 @@ use crate::eval::dataset::{self, Sequence};
 use crate::eval::halves::Halves;
 use crate::eval::page;
 use crate::eval::peers::{Peer, TIMES_FILE, start_folder};
-use crate::eval::report::{Hard, Report, Table};
+use crate::eval::report::Report;
 use crate::eval::run::{Run, Runs, Setup, Start, run_all};
+use crate::eval::table::{Hard, Table};
 use crate::eval::worlds::{self, Worlds};
 use crate::params::{Assignment, Value, assignment};
 
@@ -24,11 +25,11 @@ use crate::params::{Assignment, Value, assignment};
 /// Prints a table for each algorithm and parameter file and for each other tracker.
 /// prec: share of frames whose centres are at most 20 px apart; AUC: area under the success curve of 21 overlaps;
 /// held: share with an overlap above 0.1; F: of long-term precision and recall, at the best confidence;
-/// first loss: frames before the target is first lost, by word or by a box that does not touch it (all, if it never is);
-/// lost: frames reported lost; right, wrong: of these, frames with the target out of view or fully hidden, and in view;
-/// astray: frames in view, not reported lost, and not held; recovered: losses that ended on the target (overlap above
-/// 0.3 within 10 frames); fps: frames a second of the tracker's processor time (where several sequences run at a time,
-/// without what a network computes in threads of its own).
+/// first loss: frames before the target is first lost, by word or by a box that does not touch it (all, if it never
+/// is); lost: frames reported lost; right, wrong: of these, frames with the target out of view or fully hidden, and in
+/// view; astray: frames in view, not reported lost, and not held; recovered: losses that ended on the target (overlap
+/// above 0.3 within 10 frames); fps: frames a second of the tracker's processor time (where several sequences run at a
+/// time, without what a network computes in threads of its own).
 /// Exit codes: 0 done, 1 a sequence failed, 2 unusable arguments.
 #[derive(Debug, Parser)]
 #[command(name = "evaluate", version)]
@@ -47,7 +48,8 @@ pub struct Args {
     set: Vec<Assignment>,
     /// Another tracker, whose boxes are read from DIR/SEQUENCE.txt or .csv: x,y,w,h a row, NaN = it says that the
     /// target is not in view, with or without its confidence in a fifth column; DIR/times.csv may hold
-    /// sequence,frames,seconds, and DIR/start-1, DIR/start-2, ... the same from other starts. May be given several times.
+    /// sequence,frames,seconds, and DIR/start-1, DIR/start-2, ... the same from other starts. May be given several
+    /// times.
     #[arg(long = "peer", value_name = "NAME=DIR")]
     peers: Vec<Peer>,
     /// Runs nothing, and scores the peers alone.
@@ -57,10 +59,11 @@ pub struct Args {
     /// another seed. The tables are those of the first; how far the others differ is told below.
     #[arg(long, value_name = "N", default_value = "1")]
     starts: NonZeroUsize,
-    /// Tells as well whether a gain holds on video that it was not chosen on. Every second sequence by name is one half,
-    /// the rest the other; the best setup on each half is scored on the other. Means come with 95 % intervals (bootstrap
-    /// over sequences and starts), differences from the first setup with their p values. A setup whose difference from
-    /// the best is chance (p of 0.05 and more) counts as good: then the one that was given first is chosen.
+    /// Tells as well whether a gain holds on video that it was not chosen on. Every second sequence by name is one
+    /// half, the rest the other; the best setup on each half is scored on the other. Means come with 95 % intervals
+    /// (bootstrap over sequences and starts), differences from the first setup with their p values. A setup whose
+    /// difference from the best is chance (p of 0.05 and more) counts as good: then the one that was given first is
+    /// chosen.
     #[arg(long)]
     halves: bool,
     /// Names the kinds of video for --halves: rows of sequence,world, where a sequence may end in *. By default the
@@ -130,7 +133,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<(), Error> {
     let report = Report { dataset, starts: starts.len(), attributes: hard, setups, halves };
 
     if let (Some(file), Some(path)) = (json, &args.json) {
-        write_json(file, &report).map_err(|why| Error::Write { to: path.display().to_string(), why })?;
+        write_json(file, &report).map_err(|e| Error::Write { to: path.display().to_string(), why: e.to_string() })?;
     }
     match write!(out, "{report}").and_then(|()| out.flush()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
@@ -239,10 +242,11 @@ fn create(path: &Path) -> Result<File, Error> {
     File::create(path).map_err(|source| Error::Create { path: path.to_owned(), source })
 }
 
-fn write_json(file: File, report: &Report) -> Result<(), String> {
+fn write_json(file: File, report: &Report) -> std::io::Result<()> {
     let mut out = BufWriter::new(file);
-    serde_json::to_writer_pretty(&mut out, report).map_err(|e| e.to_string())?;
-    writeln!(out).and_then(|()| out.flush()).map_err(|e| e.to_string())
+    serde_json::to_writer_pretty(&mut out, report)?;
+    writeln!(out)?;
+    out.flush()
 }
 
 /// Writes the boxes of the runs over each sequence, and how long they took: a folder a start.

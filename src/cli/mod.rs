@@ -24,6 +24,7 @@ use crate::replay::ReplayError;
 
 /// Why a command did not do what it was asked for.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum Error {
     /// A parameter, or a file of them.
     #[error(transparent)]

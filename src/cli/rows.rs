@@ -21,8 +21,8 @@ pub fn write_box(out: &mut dyn Write, r: &Rect, confidence: f32, state: State) -
     write!(out, "{},{},{},{},{confidence},{}", r.x, r.y, r.w, r.h, state.name())
 }
 
-/// The rows of a frame, counted from 1, in the format of MOTChallenge: frame, id, x, y, w, h, confidence and three fields
-/// that are not used. Lost targets have none, for every row says that a target is in sight there.
+/// The rows of a frame, counted from 1, in the format of MOTChallenge: frame, id, x, y, w, h, confidence and three
+/// fields that are not used. Lost targets have none, for every row says that a target is in sight there.
 pub fn write_mot(out: &mut dyn Write, frame: usize, output: &Output) -> io::Result<()> {
     output.targets.iter().filter(|target| target.state != State::Lost).try_for_each(|target| {
         let (r, confidence) = (&target.rect, target.confidence);

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::{Duration, Instant};
 
-use crate::trace::{Stage, Trace};
+use crate::trace::{Event, Stage, Trace};
 
 /// Adds up the time between the marks of a tracker's stages.
 #[derive(Debug, Default)]
@@ -49,10 +49,12 @@ pub fn per_second(count: usize, time: Duration) -> f64 {
 }
 
 impl Trace for StageClock {
-    fn stage(&mut self, stage: Stage) {
-        let now = Instant::now();
-        self.close(now);
-        self.open = Some((stage, now));
+    fn event(&mut self, event: Event) {
+        if let Event::Stage(stage) = event {
+            let now = Instant::now();
+            self.close(now);
+            self.open = Some((stage, now));
+        }
     }
 }
 
@@ -79,7 +81,7 @@ mod tests {
         let ms = Duration::from_millis;
         clock.begin();
         let start = clock.begun.unwrap();
-        clock.stage(Stage::Features);
+        clock.event(Event::Stage(Stage::Features));
         let since = clock.open.unwrap().1;
         assert!(since >= start);
         clock.close(since + ms(30));

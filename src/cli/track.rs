@@ -1,4 +1,5 @@
-//! `track`: follows a target, or all that move, through recorded frames and writes a row a frame, or a target and frame.
+//! `track`: follows a target, or all that move, through recorded frames and writes a row a frame, or a target and
+//! frame.
 
 use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -25,14 +26,14 @@ use crate::tracker::Output;
 ///
 /// Writes CSV: the header x,y,w,h,confidence,state and one row a frame, the first with the initial box. Boxes are in
 /// pixels from the top left corner; the state is tracking, uncertain or lost, and the box of a lost target is the
-/// best guess. With --algorithm maptrack, which finds targets by itself, rows are those of MOTChallenge, without a header:
-/// frame (from 1),id,x,y,w,h,confidence,-1,-1,-1; a lost target has none. The last line on standard error tells the
-/// speed. Exit codes: 0 done, 1 failed while running, 2 unusable arguments.
+/// best guess. With --algorithm maptrack, which finds targets by itself, rows are those of MOTChallenge, without a
+/// header: frame (from 1),id,x,y,w,h,confidence,-1,-1,-1; a lost target has none. The last line on standard error tells
+/// the speed. Exit codes: 0 done, 1 failed while running, 2 unusable arguments.
 #[derive(Debug, Parser)]
 #[command(name = "track", version)]
 pub struct Args {
-    /// A folder of images (JPEG, PNG, BMP, TIFF, WebP, PGM, PPM; in the order of the numbers in their names), or one with them in
-    /// img/; or a rosbag2 recording: its folder, or one file of it (.mcap, .db3).
+    /// A folder of images (JPEG, PNG, BMP, TIFF, WebP, PGM, PPM; in the order of the numbers in their names), or one
+    /// with them in img/; or a rosbag2 recording: its folder, or one file of it (.mcap, .db3).
     source: PathBuf,
     /// The topic of a bag that has the images; may be left out where there is but one with images.
     #[arg(long, value_name = "NAME")]
@@ -53,8 +54,8 @@ pub struct Args {
     /// Where the rows go instead of standard output.
     #[arg(long, value_name = "FILE.csv")]
     output: Option<PathBuf>,
-    /// Writes each frame as DIR/000001.png, ...: left with box, search window, prediction, neighbours and proposals, right with
-    /// the response map.
+    /// Writes each frame as DIR/000001.png, ...: left with box, search window, prediction, neighbours and proposals,
+    /// right with the response map.
     #[arg(long, value_name = "DIR")]
     annotate: Option<PathBuf>,
     /// Writes a new bag with the images as they came and, beside them, the topics /tracker/tracks, /tracker/detections

@@ -23,7 +23,10 @@ pub struct Fft2 {
 }
 
 impl Fft2 {
-    /// Plans transforms of `rows x cols` maps. Panics where a side is 0.
+    /// Plans transforms of `rows x cols` maps.
+    ///
+    /// # Panics
+    /// Where a side is 0.
     pub fn new(rows: usize, cols: usize) -> Self {
         assert!(rows > 0 && cols > 0, "a map of {rows} x {cols} has no transform");
         let mut real = RealFftPlanner::new();
@@ -71,7 +74,10 @@ impl Fft2 {
         (self.cols / 2 + 1) * self.rows
     }
 
-    /// Transforms a map, without scaling. Panics where a length is not that of the plan.
+    /// Transforms a map, without scaling.
+    ///
+    /// # Panics
+    /// Where the map does not hold [`cells`](Self::cells) values, or the spectrum not [`bins`](Self::bins).
     pub fn forward(&mut self, map: &[f32], spectrum: &mut [Complex32]) {
         assert_eq!((map.len(), spectrum.len()), (self.cells(), self.bins()));
         for (y, row) in map.chunks_exact(self.cols).enumerate() {
@@ -87,6 +93,9 @@ impl Fft2 {
     }
 
     /// Transforms back and scales by one over the number of cells, so that it undoes [`forward`](Self::forward).
+    ///
+    /// # Panics
+    /// Where the map does not hold [`cells`](Self::cells) values, or the spectrum not [`bins`](Self::bins).
     pub fn inverse(&mut self, spectrum: &[Complex32], map: &mut [f32]) {
         assert_eq!((map.len(), spectrum.len()), (self.cells(), self.bins()));
         self.columns.copy_from_slice(spectrum);
@@ -117,34 +126,57 @@ impl Fft2 {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+    use rustfft::num_complex::Complex64;
+
     use super::*;
 
     fn wave(cells: usize) -> Vec<f32> {
         (0..cells).map(|i| ((i * i * 31 + i * 7) % 97) as f32 / 97.0 - 0.5).collect()
     }
 
+    /// A bin of the transform of a map by its definition.
+    fn double_sum(map: &[f32], [rows, cols]: [usize; 2], kx: usize, ky: usize) -> Complex64 {
+        let term = |(i, v): (usize, &f32)| {
+            let (y, x) = ((i / cols) as f64, (i % cols) as f64);
+            let turn = x * kx as f64 / cols as f64 + y * ky as f64 / rows as f64;
+            f64::from(*v) * Complex64::cis(-std::f64::consts::TAU * turn)
+        };
+        map.iter().enumerate().map(term).sum()
+    }
+
+    fn agrees(map: &[f32], rows: usize, cols: usize) {
+        let mut fft = Fft2::new(rows, cols);
+        let mut spectrum = vec![Complex32::default(); fft.bins()];
+        fft.forward(map, &mut spectrum);
+        for (bin, got) in spectrum.iter().enumerate() {
+            let want = double_sum(map, [rows, cols], bin / rows, bin % rows);
+            let off = (f64::from(got.re) - want.re).hypot(f64::from(got.im) - want.im);
+            assert!(off < 1e-4, "{rows} x {cols}, bin {bin}: {got} {want}");
+        }
+        let mut back = vec![0.0; map.len()];
+        fft.inverse(&spectrum, &mut back);
+        assert!(back.iter().zip(map).all(|(a, b)| (a - b).abs() < 1e-6), "{rows} x {cols}");
+    }
+
     #[test]
     fn the_transform_agrees_with_the_double_sum() {
         for (rows, cols) in [(6, 8), (5, 7), (4, 9), (1, 2)] {
-            let mut fft = Fft2::new(rows, cols);
-            let map = wave(rows * cols);
-            let mut spectrum = vec![Complex32::default(); fft.bins()];
-            fft.forward(&map, &mut spectrum);
-            for kx in 0..cols / 2 + 1 {
-                for ky in 0..rows {
-                    let mut sum = rustfft::num_complex::Complex64::default();
-                    for (i, v) in map.iter().enumerate() {
-                        let (y, x) = ((i / cols) as f64, (i % cols) as f64);
-                        let turn = x * kx as f64 / cols as f64 + y * ky as f64 / rows as f64;
-                        sum += f64::from(*v) * rustfft::num_complex::Complex64::cis(-std::f64::consts::TAU * turn);
-                    }
-                    let got = spectrum[kx * rows + ky];
-                    assert!((f64::from(got.re) - sum.re).hypot(f64::from(got.im) - sum.im) < 1e-4);
-                }
-            }
-            let mut back = vec![0.0; map.len()];
-            fft.inverse(&spectrum, &mut back);
-            assert!(back.iter().zip(&map).all(|(a, b)| (a - b).abs() < 1e-6));
+            agrees(&wave(rows * cols), rows, cols);
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::with_cases(64)
+        })]
+
+        #[test]
+        fn a_map_of_any_shape_agrees_with_the_double_sum(
+            rows in 1usize..24, cols in 1usize..24, values in prop::collection::vec(-0.5f32..0.5, 24 * 24),
+        ) {
+            agrees(&values[..rows * cols], rows, cols);
         }
     }
 }

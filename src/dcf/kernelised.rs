@@ -10,7 +10,7 @@ use super::sample::Sample;
 
 /// The fixed settings of a filter.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
+pub struct KernelisedSettings {
     /// Regularisation, lambda of eq 2.
     pub regularisation: f32,
     /// Weight of each layer's response, gamma of eq 6.
@@ -19,7 +19,7 @@ pub struct Settings {
 
 /// Template and coefficients of all layers.
 pub struct KernelisedFilter {
-    settings: Settings,
+    settings: KernelisedSettings,
     label: Vec<Complex32>,
     /// The learned template, X of eq 8a; empty before the first sample.
     template: Vec<Complex32>,
@@ -31,7 +31,10 @@ pub struct KernelisedFilter {
 
 impl KernelisedFilter {
     /// An untrained filter. `label` is a map of the shape of `fft`, its peak at cell (0, 0).
-    pub fn new(settings: Settings, fft: &mut Fft2, label: &[f32]) -> Self {
+    ///
+    /// # Panics
+    /// Where `label` is not of that shape.
+    pub fn new(settings: KernelisedSettings, fft: &mut Fft2, label: &[f32]) -> Self {
         let mut spectrum = vec![Complex32::default(); fft.bins()];
         fft.forward(label, &mut spectrum);
         Self {
@@ -46,6 +49,9 @@ impl KernelisedFilter {
 
     /// Trains on a sample (eq 4) and blends the outcome in with weight `learning_rate` (eq 8); the first sample is
     /// taken whole.
+    ///
+    /// # Panics
+    /// Where a layer of the sample reaches beyond its spectra, or they are not of the shape of `fft`.
     pub fn learn(&mut self, fft: &Fft2, sample: &Sample, learning_rate: f32) {
         let first = self.template.is_empty();
         let rate = if first { 1.0 } else { learning_rate };
@@ -64,6 +70,10 @@ impl KernelisedFilter {
     }
 
     /// The response map (eqs 5 and 6): the layers' responses, summed by weight.
+    ///
+    /// # Panics
+    /// Where nothing has been learned, the sample has other layers than those learned, or the map is not of the shape
+    /// of `fft`.
     pub fn respond(&mut self, fft: &mut Fft2, sample: &Sample, response: &mut [f32]) {
         let bins = fft.bins();
         self.fused.fill(Complex32::default());
@@ -119,7 +129,7 @@ mod tests {
     }
 
     fn filter(fft: &mut Fft2) -> KernelisedFilter {
-        let settings = Settings { regularisation: LAMBDA, layer_weights: vec![1.0, 0.4] };
+        let settings = KernelisedSettings { regularisation: LAMBDA, layer_weights: vec![1.0, 0.4] };
         KernelisedFilter::new(settings, fft, &label(ROWS, COLS, 0.7))
     }
 

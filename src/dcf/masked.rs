@@ -22,7 +22,7 @@ use super::sample::Sample;
 
 /// The fixed settings of a filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct MaskedSettings {
     /// Samples of the first frame, the true one and altered ones, which are never forgotten.
     pub looks: usize,
     /// Samples remembered at the most, more than the looks.
@@ -35,14 +35,15 @@ pub struct Settings {
 
 /// The filter and the samples it was trained on.
 pub struct MaskedFilter {
-    settings: Settings,
+    settings: MaskedSettings,
     /// The channels of samples that it works on.
     channels: Range<usize>,
     /// Spectra of the remembered samples, `memory x channels x bins`, packed; those of the first frame come first.
     samples: Vec<Pack>,
     /// Weight of each remembered sample; they sum to 1.
     weights: Vec<f32>,
-    /// Altered looks at the first frame whose samples have not come yet, the last ones; the true sample stands in for them.
+    /// Altered looks at the first frame whose samples have not come yet, the last ones; the true sample stands in for
+    /// them.
     awaited: usize,
     /// The weights that the samples have until all looks have come.
     present: Vec<f32>,
@@ -77,7 +78,8 @@ struct Solver {
 /// Bins of a pack.
 const LANES: usize = 8;
 
-/// The values of neighbouring bins, real and imaginary parts apart, as vector units like them. Bins beyond the last are 0.
+/// The values of neighbouring bins, real and imaginary parts apart, as vector units like them. Bins beyond the last are
+/// 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Pack {
     re: [f32; LANES],
@@ -125,7 +127,7 @@ fn unpack(packs: &[Pack], bins: usize, spectra: &mut [Complex32]) {
 
 impl MaskedFilter {
     /// An untrained filter on these channels of samples. `label` and `mask` are maps of the shape of `fft`.
-    pub fn new(settings: Settings, fft: &mut Fft2, channels: Range<usize>, label: &[f32], mask: &[f32]) -> Self {
+    pub fn new(settings: MaskedSettings, fft: &mut Fft2, channels: Range<usize>, label: &[f32], mask: &[f32]) -> Self {
         let mut spectrum = vec![Complex32::default(); fft.bins()];
         fft.forward(label, &mut spectrum);
         let support: Vec<u32> = (0..mask.len() as u32).filter(|&i| mask[i as usize] > 0.0).collect();
@@ -170,14 +172,18 @@ impl MaskedFilter {
 
     /// Puts a sample into the memory with weight `learning_rate` (the first: 1), without training. When the memory
     /// is full, the lightest sample that is not of the first frame gives way.
+    ///
+    /// # Panics
+    /// Where the sample lacks channels of this filter, or a full memory holds nothing but the first frame.
     pub fn remember(&mut self, sample: &Sample, learning_rate: f32) {
         let slot = self.take_slot(learning_rate);
         self.fill(slot, sample);
         self.weigh();
     }
 
-    /// Makes room for altered looks at the first frame, whose sample has been remembered: as if each had been remembered by
-    /// now, at these rates. Until [`remember_look`](Self::remember_look) brings one, the true sample has its weight.
+    /// Makes room for altered looks at the first frame, whose sample has been remembered: as if each had been
+    /// remembered by now, at these rates. Until [`remember_look`](Self::remember_look) brings one, the true sample has
+    /// its weight.
     pub fn await_looks(&mut self, rates: impl IntoIterator<Item = f32>) {
         for rate in rates {
             self.take_slot(rate);
@@ -188,6 +194,9 @@ impl MaskedFilter {
     }
 
     /// Puts the sample of the next look that is awaited into its place, without training.
+    ///
+    /// # Panics
+    /// Where no look is awaited, or the sample lacks channels of this filter.
     pub fn remember_look(&mut self, sample: &Sample) {
         let slot = self.settings.looks - self.awaited;
         self.fill(slot, sample);
@@ -240,12 +249,18 @@ impl MaskedFilter {
     }
 
     /// Adds a sample and improves the filter by `steps` of conjugate gradients.
+    ///
+    /// # Panics
+    /// As [`remember`](Self::remember) and [`train`](Self::train).
     pub fn learn(&mut self, fft: &mut Fft2, sample: &Sample, learning_rate: f32, steps: usize) {
         self.remember(sample, learning_rate);
         self.train(fft, steps);
     }
 
     /// Improves the filter on the memory by `steps` of conjugate gradients.
+    ///
+    /// # Panics
+    /// Where no sample has been remembered, or `fft` is not of the filter's shape.
     pub fn train(&mut self, fft: &mut Fft2, steps: usize) {
         let lambda = self.settings.regularisation * self.energy(fft);
         self.right_hand_side(fft);
@@ -284,13 +299,17 @@ impl MaskedFilter {
     }
 
     /// The response map to a sample: 1 at the peak for what the filter was trained to answer.
+    ///
+    /// # Panics
+    /// Where the sample lacks channels of this filter, or `fft`, the sample and the map are not of the filter's shape.
     pub fn respond(&mut self, fft: &mut Fft2, sample: &Sample, response: &mut [f32]) {
         correlate(&self.filter, self.own(sample), &mut self.solver.sums);
         fft.inverse(&self.solver.sums, response);
     }
 
-    /// The scale of the normal equations: the energy of the first sample's spectra, over the bins that are kept (half of them,
-    /// for maps are real), divided by channels and cells. That is about half of what a channel's cells hold together.
+    /// The scale of the normal equations: the energy of the first sample's spectra, over the bins that are kept (half
+    /// of them, for maps are real), divided by channels and cells. That is about half of what a channel's cells hold
+    /// together.
     fn energy(&self, fft: &Fft2) -> f32 {
         let first = &self.samples[..self.solver.product.len()];
         let sum: f32 = first.iter().flat_map(|pack| pack.re.iter().chain(&pack.im)).map(|v| v * v).sum();
@@ -352,8 +371,8 @@ fn correlate(filter: &[Complex32], sample: &[Complex32], sums: &mut [Complex32])
 /// first-level cache together, so that the samples are read from memory once.
 const BLOCK: usize = 4;
 
-/// product = sum_k w_k x_k conj(sum_d conj(f_d) x_kd): the normal equations applied to a filter, of `length` packs a channel.
-/// Everything is done bin by bin, so they are taken in blocks.
+/// product = sum_k w_k x_k conj(sum_d conj(f_d) x_kd): the normal equations applied to a filter, of `length` packs a
+/// channel. Everything is done bin by bin, so they are taken in blocks.
 #[multiversion(targets("x86_64+avx2+fma"))]
 fn normal_product(samples: &[Pack], weights: &[f32], filter: &[Pack], length: usize, product: &mut [Pack]) {
     product.fill(Pack::default());
@@ -433,11 +452,11 @@ mod tests {
         Sample::new(std::iter::once(0..CHANNELS).collect(), spectra)
     }
 
-    const SETTINGS: Settings = Settings { looks: 1, memory: 3, first_weight: 0.2, regularisation: 0.05 };
+    const SETTINGS: MaskedSettings = MaskedSettings { looks: 1, memory: 3, first_weight: 0.2, regularisation: 0.05 };
     const LEARNING_RATE: f32 = 0.3;
 
-    /// The energy of the spectra of some maps, by the sums that define them: over the bins up to the middle column, divided by
-    /// channels and cells.
+    /// The energy of the spectra of some maps, by the sums that define them: over the bins up to the middle column,
+    /// divided by channels and cells.
     fn half_spectrum_energy(maps: &[f32]) -> f64 {
         let bin = |map: &[f32], ky: usize, kx: usize| {
             let term = |(i, &v): (usize, &f32)| {
@@ -530,7 +549,7 @@ mod tests {
     fn a_look_that_comes_late_is_learned_as_if_it_had_come_at_once() {
         let mut fft = Fft2::new(ROWS, COLS);
         let (y, m) = (label(ROWS, COLS, 0.8), mask(ROWS, COLS, 4.0, 4.0));
-        let settings = Settings { looks: 3, memory: 4, ..SETTINGS };
+        let settings = MaskedSettings { looks: 3, memory: 4, ..SETTINGS };
         let all: Vec<Sample> = (0..6).map(|seed| sample(&mut fft, &maps(seed))).collect();
         let filter = |fft: &mut Fft2| MaskedFilter::new(settings, fft, 0..CHANNELS, &y, &m);
         let rates = [0.25, 0.4];
@@ -567,7 +586,7 @@ mod tests {
         let mut fft = Fft2::new(ROWS, COLS);
         let (y, m) = (label(ROWS, COLS, 0.8), mask(ROWS, COLS, 4.0, 4.0));
         for looks in [1, 2] {
-            let mut filter = MaskedFilter::new(Settings { looks, ..SETTINGS }, &mut fft, 0..CHANNELS, &y, &m);
+            let mut filter = MaskedFilter::new(MaskedSettings { looks, ..SETTINGS }, &mut fft, 0..CHANNELS, &y, &m);
             for seed in 0..9 {
                 let s = sample(&mut fft, &maps(seed));
                 filter.remember(&s, 0.3);

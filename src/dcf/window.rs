@@ -1,7 +1,7 @@
 //! Fixed maps over the search window: what fades its border, what the filter is to answer, where it may be.
 
-/// The Hann window over `rows x cols` cells, row-major, each with the value at its centre: 0 on the window's border, 1 in its
-/// middle.
+/// The Hann window over `rows x cols` cells, row-major, each with the value at its centre: 0 on the window's border, 1
+/// in its middle.
 pub fn hann(rows: usize, cols: usize) -> Vec<f32> {
     let axis = |n: usize| -> Vec<f64> {
         (0..n).map(|i| 0.5 - 0.5 * (std::f64::consts::TAU * (i as f64 + 0.5) / n as f64).cos()).collect()

@@ -1,11 +1,13 @@
-//! JPEG data made ready for the decoder: what it will take is known from the headers, and what cameras leave out is put in.
+//! JPEG data made ready for the decoder: what it will take is known from the headers, and what cameras leave out is put
+//! in.
 //!
-//! The segments are those of ITU-T T.81, Annex B: a marker of two bytes, for most a length of two bytes that counts itself,
-//! and what it says. The coded data of a scan follow its header, up to the next marker.
+//! The segments are those of ITU-T T.81, Annex B: a marker of two bytes, for most a length of two bytes that counts
+//! itself, and what it says. The coded data of a scan follow its header, up to the next marker.
 
 use std::borrow::Cow;
 
-use super::{Ready, tables};
+use super::ready::Ready;
+use super::tables;
 
 const START: [u8; 2] = [0xff, START_CODE];
 const START_CODE: u8 = 0xd8;
@@ -26,6 +28,36 @@ const BLOCK: u64 = 8;
 const BLOCK_BYTES: u64 = 128;
 /// Scans that are decoded at most: each costs time, and encoders write some ten.
 const MOST_SCANS: usize = 64;
+
+/// What is wrong with JPEG data, after "the JPEG data".
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
+pub enum JpegError {
+    /// The file ends too early.
+    #[error("are cut off after {len} bytes")]
+    CutOff { len: usize },
+    /// Something else stands between two segments.
+    #[error("have {found:#04x} at {at}, where a marker must be")]
+    Marker { found: u8, at: usize },
+    /// The end without an image before it.
+    #[error("end before the first scan")]
+    NoScan,
+    /// Nothing tells how large the image is.
+    #[error("have no header of an image before the first scan")]
+    NoHeader,
+    /// A header that does not hold what it must.
+    #[error("have a header of an image of {len} bytes")]
+    Header { len: usize },
+    /// Components whose sizes make no sense, across and down.
+    #[error("have sampling factors {factors:?}, expected 1 to 4")]
+    Sampling { factors: Vec<[u64; 2]> },
+    /// So many that decoding would take for ever.
+    #[error("have more than {most} scans")]
+    Scans { most: usize },
+    /// Two pictures of half the rows.
+    #[error("are two fields of an interlaced frame, which are not read")]
+    Interlaced,
+}
 
 /// The header of the image.
 #[derive(Debug)]
@@ -53,15 +85,15 @@ struct Parts {
     is_field: bool,
 }
 
-/// Looks through the data, or says what is wrong with them. The tables that the standard proposes (Annex K.3) are put in
-/// where there are none: motion JPEG leaves them out. Segments that mean nothing to the picture are left out.
-pub(super) fn ready(bytes: &[u8]) -> Result<Ready<'_>, String> {
+/// Looks through the data, or says what is wrong with them. The tables that the standard proposes (Annex K.3) are put
+/// in where there are none: motion JPEG leaves them out. Segments that mean nothing to the picture are left out.
+pub(super) fn ready(bytes: &[u8]) -> Result<Ready<'_>, JpegError> {
     let parts = parts(bytes)?;
     let Parts { frame: Some(frame), scan: [header, coded], .. } = &parts else {
-        return Err("the JPEG data have no header of an image before the first scan".to_owned());
+        return Err(JpegError::NoHeader);
     };
     if parts.scans > MOST_SCANS {
-        return Err(format!("the JPEG data have more than {MOST_SCANS} scans"));
+        return Err(JpegError::Scans { most: MOST_SCANS });
     }
     // Two bits for each block at least, one where those of higher frequencies come in later scans.
     let bits = frame.blocks.iter().max().copied().unwrap_or(0) << u64::from(frame.baseline);
@@ -70,7 +102,7 @@ pub(super) fn ready(bytes: &[u8]) -> Result<Ready<'_>, String> {
     if let Some(end) = parts.end.filter(|_| parts.is_field)
         && bytes[end..].windows(2).any(|pair| pair == START)
     {
-        return Err("the JPEG data are two fields of an interlaced frame, which are not read".to_owned());
+        return Err(JpegError::Interlaced);
     }
     let at_once = frame.baseline && parts.scanned == frame.blocks.len();
     if parts.end.is_none() && !at_once {
@@ -90,12 +122,12 @@ pub(super) fn ready(bytes: &[u8]) -> Result<Ready<'_>, String> {
 }
 
 /// Why data that end too early are not decoded.
-pub(super) fn cut_off(bytes: &[u8]) -> String {
-    format!("the JPEG data are cut off after {} bytes", bytes.len())
+pub(super) fn cut_off(bytes: &[u8]) -> JpegError {
+    JpegError::CutOff { len: bytes.len() }
 }
 
 /// Walks over the segments and the scans.
-fn parts(bytes: &[u8]) -> Result<Parts, String> {
+fn parts(bytes: &[u8]) -> Result<Parts, JpegError> {
     let cut_off = || cut_off(bytes);
     let mut parts = Parts::default();
     let mut at = START.len();
@@ -104,13 +136,13 @@ fn parts(bytes: &[u8]) -> Result<Parts, String> {
             return if parts.scans == 0 { Err(cut_off()) } else { Ok(parts) };
         };
         if first != 0xff {
-            return Err(format!("the JPEG data have {first:#04x} at {at}, where a marker must be"));
+            return Err(JpegError::Marker { found: first, at });
         }
         match code {
             // A byte that fills up.
             0xff => at += 1,
             START_CODE | 0x01 | 0xd0..=0xd7 => at += 2,
-            END_CODE if parts.scans == 0 => return Err("the JPEG data end before the first scan".to_owned()),
+            END_CODE if parts.scans == 0 => return Err(JpegError::NoScan),
             END_CODE => {
                 parts.end = Some(at + 2);
                 return Ok(parts);
@@ -133,7 +165,7 @@ fn parts(bytes: &[u8]) -> Result<Parts, String> {
 }
 
 impl Parts {
-    fn segment(&mut self, code: u8, body: &[u8], place: std::ops::Range<usize>) -> Result<(), String> {
+    fn segment(&mut self, code: u8, body: &[u8], place: std::ops::Range<usize>) -> Result<(), JpegError> {
         match code {
             SCAN => {
                 if self.scans == 0 {
@@ -161,8 +193,8 @@ impl Parts {
 }
 
 impl Frame {
-    fn of(code: u8, body: &[u8]) -> Result<Self, String> {
-        let wrong = || format!("the JPEG data have a header of an image of {} bytes", body.len());
+    fn of(code: u8, body: &[u8]) -> Result<Self, JpegError> {
+        let wrong = || JpegError::Header { len: body.len() };
         let &[_, h1, h0, w1, w0, count, ref components @ ..] = body else { return Err(wrong()) };
         if count == 0 || components.len() != 3 * usize::from(count) {
             return Err(wrong());
@@ -171,7 +203,7 @@ impl Frame {
         let sampling: Vec<[u64; 2]> =
             components.chunks_exact(3).map(|c| [u64::from(c[1] >> 4), u64::from(c[1] & 0xf)]).collect();
         if sampling.iter().flatten().any(|factor| !(1..=4).contains(factor)) {
-            return Err(format!("the JPEG data have sampling factors {sampling:?}, expected 1 to 4"));
+            return Err(JpegError::Sampling { factors: sampling });
         }
         let most = |side: usize| sampling.iter().map(|s| s[side]).max().unwrap_or(1);
         let units = [u64::from(width).div_ceil(BLOCK * most(0)), u64::from(height).div_ceil(BLOCK * most(1))];
@@ -201,8 +233,8 @@ fn coded(bytes: &[u8]) -> usize {
     bytes.len()
 }
 
-/// Data without their mark at the end, with bits of two kinds behind them. Where the picture is the same with both, all of
-/// it was there.
+/// Data without their mark at the end, with bits of two kinds behind them. Where the picture is the same with both, all
+/// of it was there.
 pub(super) fn completed(bytes: &[u8]) -> [Vec<u8>; 2] {
     /// More than what any code takes.
     const BITS: usize = 64;

@@ -4,7 +4,7 @@
 
 use std::borrow::Cow;
 
-use super::Ready;
+use super::ready::Ready;
 
 const MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 const HEADER: &[u8; 4] = b"IHDR";
@@ -16,8 +16,8 @@ const AROUND: usize = 12;
 /// Bytes that a byte of deflated data stands for at most.
 const MOST_INFLATED: u64 = 1032;
 
-/// The data without what is not needed, or what is wrong with them.
-pub(super) fn ready(bytes: &[u8]) -> Result<Ready<'_>, String> {
+/// The data without what is not needed, if they begin with a header.
+pub(super) fn ready(bytes: &[u8]) -> Option<Ready<'_>> {
     let mut kept = Vec::new();
     let mut deflated = 0_usize;
     let mut pixels = None;
@@ -37,7 +37,7 @@ pub(super) fn ready(bytes: &[u8]) -> Result<Ready<'_>, String> {
         }
         at = next;
     }
-    let pixels = pixels.ok_or_else(|| "the PNG data do not begin with a header".to_owned())?;
+    let pixels = pixels?;
     let too_short = (deflated as u64).saturating_mul(MOST_INFLATED) < pixels.bytes();
     let len: usize = kept.iter().map(ExactSizeIterator::len).sum();
     let bytes = if MAGIC.len() + len == bytes.len() {
@@ -46,7 +46,7 @@ pub(super) fn ready(bytes: &[u8]) -> Result<Ready<'_>, String> {
         let kept = kept.into_iter().map(|chunk| &bytes[chunk]);
         Cow::Owned(std::iter::once(MAGIC).chain(kept).collect::<Vec<_>>().concat())
     };
-    Ok(Ready { bytes, working: 0, too_short: too_short.then_some(deflated), ended: true })
+    Some(Ready { bytes, working: 0, too_short: too_short.then_some(deflated), ended: true })
 }
 
 /// What the header says.

@@ -1,7 +1,7 @@
 //! The Huffman tables that ITU-T T.81 proposes in Annex K.3, which motion JPEG means where it has none.
 
-/// They as a segment: marker and length, then for each table its class and number, how many codes there are of each length
-/// from 1 to 16 bits, and what they stand for.
+/// They as a segment: marker and length, then for each table its class and number, how many codes there are of each
+/// length from 1 to 16 bits, and what they stand for.
 #[rustfmt::skip]
 pub(super) const HUFFMAN: &[u8] = &[
     0xff, 0xc4, 0x01, 0xa2,

@@ -1,15 +1,16 @@
-//! What moves: an adaptive mixture of Gaussians for each pixel's colour (KaewTraKulPong and Bowden, *An improved adaptive
-//! background mixture model for real-time tracking with shadow detection*, 2002; after Stauffer and Grimson, CVPR 1999).
+//! What moves: an adaptive mixture of Gaussians for each pixel's colour (KaewTraKulPong and Bowden, *An improved
+//! adaptive background mixture model for real-time tracking with shadow detection*, 2002; after Stauffer and Grimson,
+//! CVPR 1999).
 //!
 //! A pixel's colour is explained by K Gaussians, each with a weight, a mean colour and one variance for all planes. A
 //! colour belongs to the first Gaussian that it fits, in the order of weight over deviation, and that one learns it; a
-//! colour that fits none takes the place of the last. The first Gaussians whose weights together exceed a share T are the
-//! background. What belongs to another one is foreground, unless it is a background darkened by a shadow.
+//! colour that fits none takes the place of the last. The first Gaussians whose weights together exceed a share T are
+//! the background. What belongs to another one is foreground, unless it is a background darkened by a shadow.
 //!
-//! Learning is one rule. With `a = 1 / min(n, L)` in frame `n`, the weight of the Gaussian that the colour belongs to goes
-//! up by `a (1 - w)`, the others' go down by `a w`, and the mean and the variance learn at the rate `a / w`. In the first
-//! L frames that rate is one over the number of colours which the Gaussian has had: the expected sufficient statistics.
-//! Afterwards it is the paper's L-recent window.
+//! Learning is one rule. With `a = 1 / min(n, L)` in frame `n`, the weight of the Gaussian that the colour belongs to
+//! goes up by `a (1 - w)`, the others' go down by `a w`, and the mean and the variance learn at the rate `a / w`. In
+//! the first L frames that rate is one over the number of colours which the Gaussian has had: the expected sufficient
+//! statistics. Afterwards it is the paper's L-recent window.
 //!
 //! Distances are root mean squares over the planes, so that grey is measured as a colour of three equal planes.
 //!
@@ -48,7 +49,8 @@ pub struct BackgroundSettings {
     pub shadow: f64,
 }
 
-/// K, L, the share and the deviations are the paper's and its usual implementations'; those in intensities suit 8-bit video.
+/// K, L, the share and the deviations are the paper's and its usual implementations'; those in intensities suit 8-bit
+/// video.
 impl Default for BackgroundSettings {
     fn default() -> Self {
         Self {
@@ -128,8 +130,8 @@ impl Background {
         self.frames = 0;
     }
 
-    /// Learns from a patch and fills `mask`, row-major `height x width`: 1 where it shows moving foreground, 0 elsewhere,
-    /// shadows included. A patch of another shape than the last begins anew.
+    /// Learns from a patch and fills `mask`, row-major `height x width`: 1 where it shows moving foreground, 0
+    /// elsewhere, shadows included. A patch of another shape than the last begins anew.
     pub fn apply(&mut self, patch: &Patch, mask: &mut Vec<u8>) {
         let planes = patch.planes();
         let shape = [patch.width, patch.height, planes.len()];
@@ -152,8 +154,8 @@ impl Background {
         }
     }
 
-    /// Moves all that was learned by whole pixels, to the right and down: for a window that moves over the scene. Pixels
-    /// that come in know nothing, and take what they show first for background.
+    /// Moves all that was learned by whole pixels, to the right and down: for a window that moves over the scene.
+    /// Pixels that come in know nothing, and take what they show first for background.
     pub fn shift(&mut self, right: i64, down: i64) {
         let [width, height, _] = self.shape.map(|n| n as i64);
         let pixels = width * height;
@@ -392,8 +394,8 @@ fn background<const K: usize>(gaussians: &[Gaussian; K], share: f32) -> [Lanes; 
     background
 }
 
-/// 1 where the colours are the mean's, only darker: `a` times the mean comes closest to the colour, `a` lies between the
-/// least brightness of a shadow and 1, and what remains, the distortion of the colour, fits the Gaussian.
+/// 1 where the colours are the mean's, only darker: `a` times the mean comes closest to the colour, `a` lies between
+/// the least brightness of a shadow and 1, and what remains, the distortion of the colour, fits the Gaussian.
 #[inline(always)]
 fn shadowed(gaussian: &Gaussian, colour: &[Lanes; PLANES], rule: &Rule) -> Lanes {
     let (mut along, mut length) = ([0.0; LANES], [0.0; LANES]);

@@ -1,8 +1,8 @@
 //! Blobs of a mask: noise is taken out by an opening and holes are filled by a closing with a disc (MAPTrack, section
 //! 3.2.1); what hangs together is one blob, with its area, place and direction (section 3.2.2).
 //!
-//! Masks are row-major `height x width`, 0 or 1. Morphology works on rows of bits, 64 pixels at once. Blobs are put together
-//! from runs, the stretches of ones in a row; pixels that touch at a corner hang together.
+//! Masks are row-major `height x width`, 0 or 1. Morphology works on rows of bits, 64 pixels at once. Blobs are put
+//! together from runs, the stretches of ones in a row; pixels that touch at a corner hang together.
 
 use crate::geometry::Rect;
 
@@ -47,8 +47,8 @@ struct Bits {
 }
 
 impl Morphology {
-    /// Opens a mask and then closes it by a disc of `diameter` pixels: those whose centres lie within half of it from the
-    /// disc's centre. Beyond the image, erosion sees ones and dilation zeros, so that borders take nothing away.
+    /// Opens a mask and then closes it by a disc of `diameter` pixels: those whose centres lie within half of it from
+    /// the disc's centre. Beyond the image, erosion sees ones and dilation zeros, so that borders take nothing away.
     ///
     /// # Panics
     /// If the diameter is above [`MAX_DIAMETER`] or the mask is not `width x height`.

@@ -1,15 +1,15 @@
-//! How a camera has moved between two pictures, as a rotation and a translation of the picture, and pictures put back to
-//! where they were.
+//! How a camera has moved between two pictures, as a rotation and a translation of the picture, and pictures put back
+//! to where they were.
 
 use multiversion::multiversion;
 
 use crate::crop::Patch;
 use crate::geometry::turned;
 
-/// Takes places of the current picture to those of the reference: turned by `angle` about the middle of the picture, then
-/// moved by `shift`. A camera that pans to the right sees things go to the left; its shift grows to the right.
+/// Takes places of the current picture to those of the reference: turned by `angle` about the middle of the picture,
+/// then moved by `shift`. A camera that pans to the right sees things go to the left; its shift grows to the right.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Motion {
+pub struct CameraMotion {
     /// From the x axis towards the y axis, in radians.
     pub angle: f64,
     /// In pixels, `[x, y]`.
@@ -18,7 +18,7 @@ pub struct Motion {
     pub centre: [f64; 2],
 }
 
-impl Motion {
+impl CameraMotion {
     /// No motion of a picture of this size.
     pub fn none(width: usize, height: usize) -> Self {
         Self { angle: 0.0, shift: [0.0; 2], centre: [width as f64 / 2.0, height as f64 / 2.0] }
@@ -58,7 +58,7 @@ const WHOLE: u32 = ONE * ONE;
 
 /// Fills `out`, of the same size, with what the current picture shows of the reference's places, interpolated linearly,
 /// and `covered`, row-major, with 1 where it shows them. Elsewhere the picture's border goes on.
-pub fn warp(current: &Patch, motion: &Motion, out: &mut Patch, covered: &mut Vec<u8>) {
+pub fn warp(current: &Patch, motion: &CameraMotion, out: &mut Patch, covered: &mut Vec<u8>) {
     let (width, height) = (current.width, current.height);
     out.resize(width, height, current.planes().len());
     covered.resize(width * height, 0);
@@ -85,8 +85,8 @@ pub fn warp(current: &Patch, motion: &Motion, out: &mut Patch, covered: &mut Vec
     }
 }
 
-/// For each pixel of a stretch the first of the four pixels that it lies between, and their weights: the first's, its right
-/// neighbour's, and those of the two below.
+/// For each pixel of a stretch the first of the four pixels that it lies between, and their weights: the first's, its
+/// right neighbour's, and those of the two below.
 struct Sources {
     at: [u32; STRETCH],
     weights: [[u32; STRETCH]; 4],
@@ -148,8 +148,8 @@ mod tests {
         (a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9
     }
 
-    fn motion(degrees: f64, shift: [f64; 2]) -> Motion {
-        Motion { angle: degrees.to_radians(), shift, ..Motion::none(60, 40) }
+    fn motion(degrees: f64, shift: [f64; 2]) -> CameraMotion {
+        CameraMotion { angle: degrees.to_radians(), shift, ..CameraMotion::none(60, 40) }
     }
 
     #[test]

@@ -1,13 +1,13 @@
-//! Mean shift (Comaniciu and Meer, PAMI 2002; Bradski, *Computer vision face tracking*, 1998): a box climbs to where a map
-//! holds most, each time moving its centre to the mean of the values that it covers.
+//! Mean shift (Comaniciu and Meer, PAMI 2002; Bradski, *Computer vision face tracking*, 1998): a box climbs to where a
+//! map holds most, each time moving its centre to the mean of the values that it covers.
 
 use crate::geometry::Rect;
 
 /// A step shorter than this, in pixels of the map, ends the climb.
 const STILL: f64 = 0.05;
 
-/// A map of values that are not negative, row-major `height x width`. Each value fills its pixel evenly; what lies beyond the
-/// map is 0.
+/// A map of values that are not negative, row-major `height x width`. Each value fills its pixel evenly; what lies
+/// beyond the map is 0.
 #[derive(Clone, Copy, Debug)]
 pub struct Map<'a> {
     /// The values.

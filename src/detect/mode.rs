@@ -1,9 +1,9 @@
-//! The most common motion of many places (MAPTrack, section 3.1, step 3): for each of some angles the translations of all
-//! places are counted in bins; the angle whose fullest bins in x and in y hold most is the mode. Around it, angles and bins
-//! are made finer and counted again. The places in the last bins are the background; their least-squares motion is finer
-//! than any bin.
+//! The most common motion of many places (MAPTrack, section 3.1, step 3): for each of some angles the translations of
+//! all places are counted in bins; the angle whose fullest bins in x and in y hold most is the mode. Around it, angles
+//! and bins are made finer and counted again. The places in the last bins are the background; their least-squares
+//! motion is finer than any bin.
 
-use super::camera::Motion;
+use super::camera::CameraMotion;
 use crate::geometry::turned;
 
 /// A place of the current picture and the same one in the reference.
@@ -29,14 +29,14 @@ const ROUNDS: usize = 3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mode {
     /// The motion from the current picture to the reference.
-    pub motion: Motion,
+    pub motion: CameraMotion,
     /// Places that agree.
     pub members: usize,
 }
 
-/// The mode of the motions of pairs. It is looked for within some 100 pixels and 4 degrees (for a picture of 768 x 576; the
-/// smaller the picture, the more) of a first guess.
-pub fn mode(pairs: &[Pair], guess: &Motion) -> Mode {
+/// The mode of the motions of pairs. It is looked for within some 100 pixels and 4 degrees (for a picture of 768 x 576;
+/// the smaller the picture, the more) of a first guess.
+pub fn mode(pairs: &[Pair], guess: &CameraMotion) -> Mode {
     let mut best = *guess;
     // An angle's step moves the corners by a bin.
     let radius = guess.centre[0].hypot(guess.centre[1]);
@@ -49,7 +49,7 @@ pub fn mode(pairs: &[Pair], guess: &Motion) -> Mode {
 }
 
 /// The fullest bins of this width around a motion.
-fn narrow(pairs: &[Pair], around: &Motion, width: f64, step: f64) -> Motion {
+fn narrow(pairs: &[Pair], around: &CameraMotion, width: f64, step: f64) -> CameraMotion {
     let (mut best, mut most) = (*around, 0);
     // From the middle out: of equals, the nearest counts.
     for k in (0..=2 * ANGLES).map(|k| if k % 2 == 0 { k / 2 } else { -(k + 1) / 2 }) {
@@ -73,7 +73,7 @@ fn narrow(pairs: &[Pair], around: &Motion, width: f64, step: f64) -> Motion {
         if count > most {
             most = count;
             let middle = |i: usize| around.shift[i] + (fullest[i].0 as f64 + 1.0 - (BINS / 2) as f64) * width;
-            best = Motion { angle, shift: [middle(0), middle(1)], ..*around };
+            best = CameraMotion { angle, shift: [middle(0), middle(1)], ..*around };
         }
     }
     best
@@ -86,7 +86,7 @@ fn translation(pair: &Pair, angle: f64, centre: [f64; 2]) -> [f64; 2] {
 }
 
 /// The least-squares motion of the pairs that agree.
-fn refine(pairs: &[Pair], mut motion: Motion) -> Mode {
+fn refine(pairs: &[Pair], mut motion: CameraMotion) -> Mode {
     let mut members = 0;
     for round in 0..ROUNDS {
         // The angle is known to a step at first.
@@ -114,7 +114,7 @@ fn refine(pairs: &[Pair], mut motion: Motion) -> Mode {
         }
         let angle = cross.atan2(dot);
         let shift = translation(&Pair { from, to }, angle, motion.centre);
-        motion = Motion { angle, shift, ..motion };
+        motion = CameraMotion { angle, shift, ..motion };
     }
     Mode { motion, members }
 }
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     /// Places of which a share moves with the camera, to about a tenth of a pixel, and the rest in two other ways.
-    fn pairs(motion: &Motion, share: f64, seed: u64) -> Vec<Pair> {
+    fn pairs(motion: &CameraMotion, share: f64, seed: u64) -> Vec<Pair> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let pair = |i: usize| {
             let from = [rng.random_range(0.0..768.0), rng.random_range(0.0..576.0)];
@@ -145,9 +145,9 @@ mod tests {
 
     #[test]
     fn the_mode_is_the_cameras_motion_whatever_the_others_do() {
-        let still = Motion::none(768, 576);
+        let still = CameraMotion::none(768, 576);
         for (degrees, shift) in [(0.0, [0.0, 0.0]), (2.7, [31.0, -14.3]), (-3.3, [-60.2, 50.0]), (0.4, [0.5, 90.0])] {
-            let camera = Motion { angle: f64::to_radians(degrees), shift, ..still };
+            let camera = CameraMotion { angle: f64::to_radians(degrees), shift, ..still };
             for share in [1.0, 0.7, 0.5] {
                 let Mode { motion, members } = mode(&pairs(&camera, share, 1), &still);
                 let off = (motion.shift[0] - shift[0]).hypot(motion.shift[1] - shift[1]);
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn few_agree_where_there_is_no_motion_in_common() {
-        let still = Motion::none(768, 576);
+        let still = CameraMotion::none(768, 576);
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let mut place = || [rng.random_range(0.0..768.0), rng.random_range(0.0..576.0)];
         let pairs: Vec<Pair> = (0..100).map(|_| Pair { from: place(), to: place() }).collect();

@@ -30,7 +30,7 @@ const COLOUR_CHANNELS: usize = luv::CHANNELS;
 
 /// The settings of a [`Detector`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct DetectorSettings {
     /// The classifier's own settings.
     pub svm: SvmParams,
     /// Cells of the template, about.
@@ -53,7 +53,7 @@ pub struct Settings {
 
 /// The classifier, the template's shape, and scratch.
 pub struct Detector {
-    settings: Settings,
+    settings: DetectorSettings,
     svm: Svm,
     rng: ChaCha8Rng,
     /// Rows and columns of the template, in cells.
@@ -88,7 +88,7 @@ struct Grid {
 
 impl Detector {
     /// An untrained detector for targets of the shape of `target`. Its random choices follow from `seed`.
-    pub fn new(settings: Settings, target: &Rect, seed: u64) -> Self {
+    pub fn new(settings: DetectorSettings, target: &Rect, seed: u64) -> Self {
         let aspect = (target.h / target.w).clamp(1.0 / MAX_TEMPLATE_ASPECT, MAX_TEMPLATE_ASPECT);
         let side = |v: f64| (v.round() as usize).max(2);
         let rows = side((settings.template_cells as f64 * aspect).sqrt());
@@ -116,7 +116,7 @@ impl Detector {
     }
 
     /// Takes over changed settings; the template stays.
-    pub fn retune(&mut self, settings: Settings) {
+    pub fn retune(&mut self, settings: DetectorSettings) {
         self.svm.retune(settings.svm);
         self.settings = settings;
     }
@@ -261,7 +261,7 @@ mod tests {
     use super::*;
     use crate::frame::Encoding;
 
-    const SETTINGS: Settings = Settings {
+    const SETTINGS: DetectorSettings = DetectorSettings {
         svm: SvmParams { c: 2.0, gamma: 1.0, max_support: 100 },
         template_cells: 20,
         positive_iou: 0.9,

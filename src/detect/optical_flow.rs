@@ -1,9 +1,9 @@
 //! Where small windows of one picture are in another (Lucas and Kanade, IJCAI 1981), from coarse to fine over a pyramid
 //! (Bouguet, *Pyramidal implementation of the Lucas Kanade feature tracker*, 2000).
 //!
-//! The gradients are those of the first picture (inverse compositional: Baker and Matthews, IJCV 2004), so that all that
-//! they need is worked out once for as many pictures as follow. A window may be looked for turned by a known angle; what
-//! is solved for is where its middle is. The means of both windows are taken out, so that light may change.
+//! The gradients are those of the first picture (inverse compositional: Baker and Matthews, IJCV 2004), so that all
+//! that they need is worked out once for as many pictures as follow. A window may be looked for turned by a known
+//! angle; what is solved for is where its middle is. The means of both windows are taken out, so that light may change.
 
 /// Pixels on each side of a window's middle.
 pub const RADIUS: usize = 5;
@@ -94,7 +94,7 @@ impl Level {
 
 /// A window of a picture at one level.
 #[derive(Clone, Copy, Debug)]
-struct View {
+struct PyramidView {
     /// Less their mean, as the gradients.
     values: [f32; AREA],
     gradients: [[f32; AREA]; 2],
@@ -102,7 +102,7 @@ struct View {
     inverse: Option<[f64; 3]>,
 }
 
-impl View {
+impl PyramidView {
     const NONE: Self = Self { values: [0.0; AREA], gradients: [[0.0; AREA]; 2], inverse: None };
 
     fn take(&mut self, level: &Level, place: [f64; 2]) {
@@ -146,7 +146,7 @@ fn centre(values: &mut [f32; AREA]) {
 pub struct Windows {
     places: Vec<[f64; 2]>,
     /// Of each window all levels, the finest first.
-    views: Vec<View>,
+    views: Vec<PyramidView>,
 }
 
 /// Where a window was found.
@@ -163,7 +163,7 @@ impl Windows {
     pub fn take(&mut self, picture: &Pyramid, places: &[[f64; 2]]) {
         self.places.clear();
         self.places.extend(places);
-        self.views.resize(places.len() * LEVELS, View::NONE);
+        self.views.resize(places.len() * LEVELS, PyramidView::NONE);
         for (views, place) in self.views.chunks_exact_mut(LEVELS).zip(places) {
             for (l, (view, level)) in views.iter_mut().zip(&picture.levels).enumerate() {
                 view.take(level, scaled(*place, l));
@@ -217,7 +217,7 @@ fn scaled(place: [f64; 2], level: usize) -> [f64; 2] {
 }
 
 /// How far the window as it is seen lies from the view, in the view's directions.
-fn step(view: &View, window: &[f32; AREA], [xx, xy, yy]: [f64; 3]) -> [f64; 2] {
+fn step(view: &PyramidView, window: &[f32; AREA], [xx, xy, yy]: [f64; 3]) -> [f64; 2] {
     let (mut along, mut down) = (0.0, 0.0);
     let [gx, gy] = &view.gradients;
     for i in 0..AREA {

@@ -1,11 +1,11 @@
-//! What the camera does (MAPTrack, section 3.1): corners of a reference picture are followed through all that come, and the
-//! motion that most of them share is the camera's.
+//! What the camera does (MAPTrack, section 3.1): corners of a reference picture are followed through all that come, and
+//! the motion that most of them share is the camera's.
 //!
-//! Corners are looked for in each picture where the last motion puts them, turned as it says, and always compared with the
-//! reference itself, so that errors do not add up. When too few are left in view or look as they did, the current picture
-//! becomes the reference, and what is found from then on goes on from its own motion.
+//! Corners are looked for in each picture where the last motion puts them, turned as it says, and always compared with
+//! the reference itself, so that errors do not add up. When too few are left in view or look as they did, the current
+//! picture becomes the reference, and what is found from then on goes on from its own motion.
 
-use super::camera::Motion;
+use super::camera::CameraMotion;
 use super::corners::CornerFinder;
 use super::mode::{Mode, Pair, mode};
 use super::optical_flow::{self, Pyramid, Windows};
@@ -34,9 +34,9 @@ pub struct Stabiliser {
     pyramid: Pyramid,
     pairs: Vec<Pair>,
     /// From the windows' picture to the first one; `None` before that.
-    base: Option<Motion>,
+    base: Option<CameraMotion>,
     /// From the last picture to the windows', as far as known.
-    last: Option<Motion>,
+    last: Option<CameraMotion>,
     /// Pictures in a row without a motion.
     failures: usize,
 }
@@ -47,19 +47,19 @@ impl Stabiliser {
         self.base = None;
     }
 
-    /// The motion from a picture to the first one since the start; `None` where too few corners agree. Of several planes,
-    /// the middle one is looked at (green). A picture of another size is a first one.
-    pub fn step(&mut self, picture: &Patch) -> Option<Motion> {
+    /// The motion from a picture to the first one since the start; `None` where too few corners agree. Of several
+    /// planes, the middle one is looked at (green). A picture of another size is a first one.
+    pub fn step(&mut self, picture: &Patch) -> Option<CameraMotion> {
         let size = [picture.width, picture.height];
         let plane = &picture.planes()[picture.planes().len() / 2];
         self.pyramid.build(plane, picture.width);
         let (Some(base), true) = (self.base, size == self.size) else {
             self.size = size;
-            let still = Motion::none(picture.width, picture.height);
+            let still = CameraMotion::none(picture.width, picture.height);
             self.refer(plane, still);
             return Some(still);
         };
-        let last = self.last.unwrap_or(Motion::none(picture.width, picture.height));
+        let last = self.last.unwrap_or(CameraMotion::none(picture.width, picture.height));
         self.follow(&last);
         let Mode { motion, members } = mode(&self.pairs, &last);
         let agreed = members >= LEAST_MEMBERS && members as f64 >= LEAST_SHARE * self.pairs.len() as f64;
@@ -80,7 +80,7 @@ impl Stabiliser {
     }
 
     /// Makes the current picture the reference; its own motion is known.
-    fn refer(&mut self, plane: &[u8], motion: Motion) {
+    fn refer(&mut self, plane: &[u8], motion: CameraMotion) {
         let [width, height] = self.size;
         // Corners spread evenly would be so far apart; half of that lets the better places have more.
         let distance = 0.5 * (plane.len() as f64 / CORNERS as f64).sqrt();
@@ -88,12 +88,12 @@ impl Stabiliser {
         self.corners.find(plane, width, margin, CORNERS, distance, &mut self.places);
         self.windows.take(&self.pyramid, &self.places);
         self.base = Some(motion);
-        self.last = Some(Motion::none(width, height));
+        self.last = Some(CameraMotion::none(width, height));
         self.failures = 0;
     }
 
     /// Finds the corners in the current picture.
-    fn follow(&mut self, last: &Motion) {
+    fn follow(&mut self, last: &CameraMotion) {
         self.pairs.clear();
         let there = last.inverse();
         for (i, place) in self.windows.places().iter().enumerate() {
@@ -130,9 +130,9 @@ mod tests {
         once.iter().cloned().chain(back).collect()
     }
 
-    /// The part of a picture that the camera sees, pixel by pixel, interpolated linearly; beyond it the picture is mirrored.
-    /// `view` takes places of the camera to those of its first view.
-    fn look((width, data): &(usize, Vec<u8>), view: &Motion) -> Patch {
+    /// The part of a picture that the camera sees, pixel by pixel, interpolated linearly; beyond it the picture is
+    /// mirrored. `view` takes places of the camera to those of its first view.
+    fn look((width, data): &(usize, Vec<u8>), view: &CameraMotion) -> Patch {
         let height = data.len() / width;
         let corner = [(width - WIDTH) as f64 / 2.0, (height - HEIGHT) as f64 / 2.0];
         let mirrored = |v: i64, n: usize| {
@@ -161,7 +161,7 @@ mod tests {
     }
 
     /// The largest errors over views: in pixels, in degrees. Each picture must have a motion.
-    fn errors(views: &[Motion], pictures: &[(usize, Vec<u8>)]) -> [f64; 2] {
+    fn errors(views: &[CameraMotion], pictures: &[(usize, Vec<u8>)]) -> [f64; 2] {
         let mut stabiliser = Stabiliser::default();
         let mut worst = [0.0f64; 2];
         for (i, view) in views.iter().enumerate() {
@@ -173,8 +173,8 @@ mod tests {
         worst
     }
 
-    fn still() -> Motion {
-        Motion::none(WIDTH, HEIGHT)
+    fn still() -> CameraMotion {
+        CameraMotion::none(WIDTH, HEIGHT)
     }
 
     /// What is asked of a motion.
@@ -189,17 +189,17 @@ mod tests {
             let mut shake = |size: f64| if i == 0 { 0.0 } else { rng.random_range(-size..size) };
             let [x, y, turn] = [shake(6.0), shake(6.0), shake(0.5)];
             let shift = [90.0 * (t / 60.0).sin() + x, 40.0 * (t / 37.0).sin() + y];
-            Motion { angle: (4.0 * (t / 45.0).sin() + turn).to_radians(), shift, ..still() }
+            CameraMotion { angle: (4.0 * (t / 45.0).sin() + turn).to_radians(), shift, ..still() }
         };
-        let views: Vec<Motion> = (0..300).map(view).collect();
+        let views: Vec<CameraMotion> = (0..300).map(view).collect();
         let [pixels, degrees] = errors(&views, &clip());
         assert!(pixels < PIXELS && degrees < DEGREES, "{pixels} px, {degrees} degrees");
     }
 
     #[test]
     fn a_long_pan_leaves_the_reference_without_losing_count() {
-        let view = |i: usize| Motion { shift: [9.0 * i as f64, -1.5 * i as f64], ..still() };
-        let views: Vec<Motion> = (0..120).map(view).collect();
+        let view = |i: usize| CameraMotion { shift: [9.0 * i as f64, -1.5 * i as f64], ..still() };
+        let views: Vec<CameraMotion> = (0..120).map(view).collect();
         let [pixels, degrees] = errors(&views, &clip()[..1]);
         assert!(pixels < PIXELS && degrees < DEGREES, "{pixels} px, {degrees} degrees");
     }
@@ -210,7 +210,7 @@ mod tests {
         let mut stabiliser = Stabiliser::default();
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut noise = || patch(&(0..WIDTH * HEIGHT).map(|_| rng.random()).collect::<Vec<u8>>());
-        let moved = Motion { shift: [5.0, 3.0], ..still() };
+        let moved = CameraMotion { shift: [5.0, 3.0], ..still() };
         assert_eq!(stabiliser.step(&look(&clip[0], &still())), Some(still()));
         assert!(stabiliser.step(&look(&clip[1], &moved)).is_some());
         for _ in 0..3 {

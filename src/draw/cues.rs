@@ -12,8 +12,8 @@ use crate::geometry::Rect;
 /// Height of the row, as a share of the picture's.
 const HEIGHT: f64 = 0.25;
 
-/// Draws the row along the foot of the picture, spread over its width: the region as the frame shows it, then its images,
-/// each under its name.
+/// Draws the row along the foot of the picture, spread over its width: the region as the frame shows it, then its
+/// images, each under its name.
 pub(super) fn strip(image: &mut RgbImage, frame: &Frame, cues: &KeptCues) {
     let count = cues.images.len() as f64 + 1.0;
     let (width, height) = (f64::from(image.width()), f64::from(image.height()));

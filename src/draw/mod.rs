@@ -1,7 +1,8 @@
 //! Debug drawing: what a tracker saw and thought, on the frame it saw. Used by `track --annotate`, by the node's
 //! debug images and by the demo; the core never comes here.
 //!
-//! [`Scene`] is the [`Trace`](crate::trace::Trace) that keeps what one step shows; [`annotated`] and [`response`] draw it.
+//! [`Scene`] is the [`Trace`](crate::trace::Trace) that keeps what one step shows; [`annotated`] and [`response`] draw
+//! it.
 
 mod cues;
 mod pen;
@@ -50,10 +51,10 @@ const VIRIDIS: [[u8; 3]; 9] = [
     [253, 231, 37],
 ];
 
-/// The frame with the search windows (thin, blue), the mode of each if there are modes, the predictions (dashed, white),
-/// the proposals (magenta), what looks like a target (violet, dashed), the particles (dots, the larger the heavier) and the
-/// box of each target (green: tracking, amber: uncertain, red: lost) with a line that gives its state, confidence and id. Thickness and text grow with the
-/// picture, of which no side is longer than `max_side` pixels.
+/// The frame with the search windows (thin, blue), the mode of each if there are modes, the predictions (dashed,
+/// white), the proposals (magenta), what looks like a target (violet, dashed), the particles (dots, the larger the
+/// heavier) and the box of each target (green: tracking, amber: uncertain, red: lost) with a line that gives its state,
+/// confidence and id. Thickness and text grow with the picture, of which no side is longer than `max_side` pixels.
 pub fn annotated(frame: &Frame, output: &Output, scene: &Scene, max_side: u32) -> RgbImage {
     let mut image = rgb(frame, max_side);
     let place = placing(frame, &image);
@@ -88,8 +89,8 @@ pub fn annotated(frame: &Frame, output: &Output, scene: &Scene, max_side: u32) -
 }
 
 /// The fused response maps in colour, each in its place over the darkened frame, with the values of their peaks. Where
-/// the step made none, the darkened frame alone. Where a target showed the images that its response is made of, they are
-/// below, one beside the other after the target's region. No side is longer than `max_side` pixels.
+/// the step made none, the darkened frame alone. Where a target showed the images that its response is made of, they
+/// are below, one beside the other after the target's region. No side is longer than `max_side` pixels.
 pub fn response(frame: &Frame, scene: &Scene, max_side: u32) -> RgbImage {
     let mut image = rgb(frame, max_side);
     let place = placing(frame, &image);
@@ -227,7 +228,7 @@ mod tests {
     use super::pen::DARK;
     use super::*;
     use crate::frame::Encoding;
-    use crate::trace::{Cues, Proposal, Trace as _};
+    use crate::trace::{Cues, Event, Proposal, Trace as _};
 
     const SIZE: (u32, u32) = (200, 120);
     /// Larger than any picture here.
@@ -280,12 +281,12 @@ mod tests {
         let data = grey();
         let mut scene = Scene::default();
         let window = Rect::new(40.0, 10.0, 100.0, 100.0);
-        scene.search_window(window);
-        scene.prediction(Rect::new(80.0, 50.0, 20.0, 20.0));
-        scene.proposals(&[Proposal { rect: Rect::new(60.0, 80.0, 20.0, 20.0), score: 1.0 }]);
-        scene.neighbour(Rect::new(150.0, 80.0, 20.0, 20.0));
-        scene.particle(Rect::new(70.0, 40.0, 20.0, 20.0), 0.8);
-        scene.particle(Rect::new(110.0, 40.0, 20.0, 20.0), 0.0);
+        scene.event(Event::SearchWindow(window));
+        scene.event(Event::Prediction(Rect::new(80.0, 50.0, 20.0, 20.0)));
+        scene.event(Event::Proposals(&[Proposal { rect: Rect::new(60.0, 80.0, 20.0, 20.0), score: 1.0 }]));
+        scene.event(Event::Neighbour(Rect::new(150.0, 80.0, 20.0, 20.0)));
+        scene.event(Event::Particle { rect: Rect::new(70.0, 40.0, 20.0, 20.0), weight: 0.8 });
+        scene.event(Event::Particle { rect: Rect::new(110.0, 40.0, 20.0, 20.0), weight: 0.0 });
         let image = annotated(&frame(&data), &Output::default(), &scene, FULL);
         let dots = image.enumerate_pixels().filter(|p| *p.2 == PARTICLE).map(|p| (p.0 < 100, 1));
         let [light, heavy] = dots.fold([0, 0], |mut n, (is_heavy, one)| {
@@ -298,7 +299,7 @@ mod tests {
         }
         let drawn = extent(&image, SEARCH_WINDOW).unwrap();
         assert!(drawn.iou(&window) > 0.9, "{drawn}");
-        scene.mode("find", window);
+        scene.event(Event::Mode { name: "find", window });
         let named = annotated(&frame(&data), &Output::default(), &scene, FULL);
         assert!(extent(&image, DARK).is_none() && extent(&named, DARK).is_some(), "the mode is written");
         scene.clear();
@@ -313,7 +314,7 @@ mod tests {
         let mut values = [0.0; 16];
         values[4 + 3] = 0.9;
         let window = Rect::new(20.0, 10.0, 80.0, 80.0);
-        scene.response(&ResponseMap { values: &values, rows: 4, cols: 4, window });
+        scene.event(Event::Response(&ResponseMap { values: &values, rows: 4, cols: 4, window }));
         let image = response(&frame(&data), &scene, FULL);
         let yellow = |x, y| i32::from(image.get_pixel(x, y)[0]) - i32::from(image.get_pixel(x, y)[2]);
         let best = (0..SIZE.0).flat_map(|x| (40..SIZE.1 - 20).map(move |y| (x, y))).max_by_key(|p| yellow(p.0, p.1));
@@ -333,8 +334,15 @@ mod tests {
             std::array::from_fn(|i| (0..64).map(|cell| f32::from(u8::from(cell < 16 * (i + 1)))).collect());
         let images = [0, 1, 2, 3].map(|i| (["a", "b", "c", "d"][i], values[i].as_slice()));
         let window = Rect::new(60.0, 20.0, 30.0, 30.0);
-        scene.cues(&Cues { id: "7", name: "moving", window, rows: 8, cols: 8, images });
-        scene.cues(&Cues { id: "8", name: "moving", window: window.shifted(9.0, 9.0), rows: 8, cols: 8, images });
+        scene.event(Event::Cues(&Cues { id: "7", name: "moving", window, rows: 8, cols: 8, images }));
+        scene.event(Event::Cues(&Cues {
+            id: "8",
+            name: "moving",
+            window: window.shifted(9.0, 9.0),
+            rows: 8,
+            cols: 8,
+            images,
+        }));
         let image = response(&frame(&data), &scene, FULL);
         // Panels of 30 px, one every 40 px, at the foot of the picture; the first is the region itself.
         let [low, high] = [viridis(0.0), viridis(1.0)].map(Rgb);
@@ -352,7 +360,12 @@ mod tests {
         let data = grey();
         let mut scene = Scene::default();
         let bright = |peak: f32| {
-            scene.response(&ResponseMap { values: &[peak; 4], rows: 2, cols: 2, window: frame(&data).bounds() });
+            scene.event(Event::Response(&ResponseMap {
+                values: &[peak; 4],
+                rows: 2,
+                cols: 2,
+                window: frame(&data).bounds(),
+            }));
             response(&frame(&data), &scene, FULL).get_pixel(100, 100)[1]
         };
         let greens = [0.05, 0.2, 0.5].map(bright);
@@ -369,9 +382,9 @@ mod tests {
             Rect::new(50.0, 50.0, 0.0, 0.0),
         ] {
             let mut scene = Scene::default();
-            scene.search_window(rect);
-            scene.prediction(rect);
-            scene.response(&ResponseMap { values: &[1.0; 6], rows: 2, cols: 3, window: rect });
+            scene.event(Event::SearchWindow(rect));
+            scene.event(Event::Prediction(rect));
+            scene.event(Event::Response(&ResponseMap { values: &[1.0; 6], rows: 2, cols: 3, window: rect }));
             let image = annotated(&frame(&data), &output(rect, State::Lost), &scene, FULL);
             assert!(extent(&image, DARK).is_some(), "the label always shows");
             assert_eq!(response(&frame(&data), &scene, FULL).dimensions(), SIZE);
@@ -383,8 +396,8 @@ mod tests {
         let data = grey();
         let rect = Rect::new(80.0, 40.0, 60.0, 40.0);
         let mut scene = Scene::default();
-        scene.search_window(Rect::new(20.0, 10.0, 160.0, 90.0));
-        scene.response(&ResponseMap { values: &[0.0, 0.0, 0.0, 0.9], rows: 2, cols: 2, window: rect });
+        scene.event(Event::SearchWindow(Rect::new(20.0, 10.0, 160.0, 90.0)));
+        scene.event(Event::Response(&ResponseMap { values: &[0.0, 0.0, 0.0, 0.9], rows: 2, cols: 2, window: rect }));
         let bare = annotated(&frame(&data), &Output::default(), &scene, 100);
         assert_eq!(bare.dimensions(), (100, 60));
         let drawn = extent(&bare, SEARCH_WINDOW).unwrap();

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::geometry::Rect;
-use crate::trace::{Cues, Proposal, ResponseMap, Trace};
+use crate::trace::{Cues, Event, Proposal, ResponseMap, Trace};
 
 /// What one step shows of itself, of all targets. Clear it before each step; its buffers are reused.
 #[derive(Clone, Debug, Default)]
@@ -70,25 +70,15 @@ impl Scene {
             window: map.window,
         })
     }
-}
 
-impl Trace for Scene {
-    fn search_window(&mut self, window: Rect) {
-        self.search_windows.push(window);
-    }
-
-    fn prediction(&mut self, rect: Rect) {
-        self.predictions.push(rect);
-    }
-
-    fn response(&mut self, map: &ResponseMap) {
+    fn keep_map(&mut self, map: &ResponseMap) {
         let first = self.values.len();
         self.values.extend_from_slice(map.values);
         let values = first..self.values.len();
         self.maps.push(MapShape { rows: map.rows, cols: map.cols, window: map.window, values });
     }
 
-    fn cues(&mut self, cues: &Cues) {
+    fn keep_cues(&mut self, cues: &Cues) {
         self.cues.get_or_insert_with(|| KeptCues {
             caption: format!("#{} {}", cues.id, cues.name),
             window: cues.window,
@@ -97,20 +87,20 @@ impl Trace for Scene {
             images: cues.images.map(|(name, values)| (name, values.to_vec())),
         });
     }
+}
 
-    fn proposals(&mut self, proposals: &[Proposal]) {
-        self.proposals.extend_from_slice(proposals);
-    }
-
-    fn neighbour(&mut self, rect: Rect) {
-        self.neighbours.push(rect);
-    }
-
-    fn particle(&mut self, rect: Rect, weight: f64) {
-        self.particles.push((rect, weight));
-    }
-
-    fn mode(&mut self, name: &'static str, window: Rect) {
-        self.modes.push((name, window));
+impl Trace for Scene {
+    fn event(&mut self, event: Event) {
+        match event {
+            Event::Stage(_) | Event::MadeAnew(_) => {}
+            Event::SearchWindow(window) => self.search_windows.push(window),
+            Event::Prediction(rect) => self.predictions.push(rect),
+            Event::Response(map) => self.keep_map(map),
+            Event::Cues(cues) => self.keep_cues(cues),
+            Event::Proposals(proposals) => self.proposals.extend_from_slice(proposals),
+            Event::Neighbour(rect) => self.neighbours.push(rect),
+            Event::Particle { rect, weight } => self.particles.push((rect, weight)),
+            Event::Mode { name, window } => self.modes.push((name, window)),
+        }
     }
 }

@@ -1,9 +1,9 @@
 //! What makes a sequence hard, by rules, for the data says nothing of it: from the true boxes, from how much of them is
 //! hidden, and from the light on the target.
 //!
-//! The attributes are those of the object tracking benchmark (Wu, Lim and Yang, CVPR 2013, table 2) that can be computed;
-//! where it names a threshold, that is taken. Each but out of view must hold in 5 % of the frames, so that one jump of a
-//! box does not put a sequence among the fast ones.
+//! The attributes are those of the object tracking benchmark (Wu, Lim and Yang, CVPR 2013, table 2) that can be
+//! computed; where it names a threshold, that is taken. Each but out of view must hold in 5 % of the frames, so that
+//! one jump of a box does not put a sequence among the fast ones.
 
 use serde::Serialize;
 
@@ -76,7 +76,8 @@ impl Attribute {
                 format!("area more than {SCALE_RATIO} times the first, or its inverse, in {share} % of the frames")
             }
             Self::LightVariation => format!(
-                "mean luma in the box more than {LIGHT_RATIO} times the first, or its inverse, in {share} % of the frames"
+                "mean luma in the box more than {LIGHT_RATIO} times the first, or its inverse, in {share} % of the \
+                 frames"
             ),
             Self::OutOfView => "not in view on at least one frame".to_owned(),
         }

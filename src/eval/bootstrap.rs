@@ -1,8 +1,8 @@
 //! How far a mean can be trusted: confidence intervals by the bootstrap, and the p value of a paired comparison.
 //!
 //! Sequences differ far more than starts do, and another set of videos is what a figure is meant for. So sequences are
-//! drawn first, and for each one drawn its starts: the two-stage bootstrap of Davison and Hinkley (*Bootstrap Methods and
-//! their Application*, 1997, section 3.8).
+//! drawn first, and for each one drawn its starts: the two-stage bootstrap of Davison and Hinkley (*Bootstrap Methods
+//! and their Application*, 1997, section 3.8).
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -13,6 +13,7 @@ pub const FULLY_HIDDEN: f64 = 0.95;
 
 /// Why a dataset cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum DatasetError {
     /// The folder cannot be listed.
     #[error("{}: {source}", path.display())]
@@ -21,7 +22,10 @@ pub enum DatasetError {
     #[error("{}: no sequences (folders with a {}) in the folder", .0.display(), truth::FILE_NAME)]
     Empty(PathBuf),
     /// The folder is a sequence and not one of sequences.
-    #[error("{}: no sequences (folders with a {}) in the folder, which is one itself: give the folder above", .0.display(), truth::FILE_NAME)]
+    #[error(
+        "{}: no sequences (folders with a {}) in the folder, which is one itself: give the folder above",
+        .0.display(), truth::FILE_NAME
+    )]
     Sequence(PathBuf),
     /// A sequence that was asked for is not there.
     #[error("{}: no sequence '{name}'; there are {known}", path.display())]

@@ -1,15 +1,16 @@
 //! Whether a gain holds on video that it was not chosen on.
 //!
-//! Every second sequence by name is one half, the rest the other. On each half the best setup is chosen, and scored on the
-//! other. A setup whose difference from the best is chance is as good; of these the one that was given first wins, so
-//! simpler setups are given first. Setups are compared in pairs, sequence by sequence, over those that both were run on.
+//! Every second sequence by name is one half, the rest the other. On each half the best setup is chosen, and scored on
+//! the other. A setup whose difference from the best is chance is as good; of these the one that was given first wins,
+//! so simpler setups are given first. Setups are compared in pairs, sequence by sequence, over those that both were run
+//! on.
 
 use serde::Serialize;
 
 use super::bootstrap::{Interval, p_value};
 use super::figures::Figures;
-use super::report::{Row, Table};
 use super::spread::Spreads;
+use super::table::{Row, Table};
 use super::worlds::Worlds;
 
 /// A difference that would come by chance more often than this is none.

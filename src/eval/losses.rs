@@ -18,9 +18,9 @@ pub struct Losses {
     /// Runs after which the right target was found: within 10 frames, and before it is lost again, a box overlaps
     /// the true one by more than 0.3.
     pub recovered: usize,
-    /// Frames before the first on which the target is in view and was lost: said to be, or by a box that does not touch the
-    /// true one. All of them where there is no such frame. (MAPTrack's table 3 has "the number of frames after which the
-    /// trackers lost track for the first time", and does not say what counts; this is how we read it.)
+    /// Frames before the first on which the target is in view and was lost: said to be, or by a box that does not touch
+    /// the true one. All of them where there is no such frame. (MAPTrack's table 3 has "the number of frames after
+    /// which the trackers lost track for the first time", and does not say what counts; this is how we read it.)
     pub first: usize,
 }
 
@@ -45,8 +45,8 @@ mod tests {
     use super::*;
     use crate::tracker::State;
 
-    /// Rows from letters: `t` tracked on the target, `w` tracked on its edge, `o` tracked beside it, `l` lost, `a` absent
-    /// and tracked nowhere, `A` absent and lost.
+    /// Rows from letters: `t` tracked on the target, `w` tracked on its edge, `o` tracked beside it, `l` lost, `a`
+    /// absent and tracked nowhere, `A` absent and lost.
     fn count(letters: &str) -> Losses {
         let target = Rect::new(0.0, 0.0, 10.0, 20.0);
         let answer = |state, rect| Answer { rect, confidence: None, state, reacquired: false };

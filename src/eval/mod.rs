@@ -5,8 +5,9 @@
 //!   -> run | peers     an answer a frame: by a tracker that is run here, or read from another one's file
 //!   -> otb, long_term, absences, losses, calibration       one figure each
 //!   -> figures         all of one sequence, and of several; attributes say which sequences are hard in what
-//!   -> report, spread  all of one setup; the same started several times
+//!   -> table, spread   all of one setup; the same started several times
 //!   -> halves          what holds on video that it was not chosen on, by bootstrap; worlds name kinds of video
+//!   -> report          all of that
 //!   -> text            for the terminal; JSON comes by serde
 //!   -> page            for a browser: diagrams, tables, and the worst moments in pictures
 //! ```
@@ -28,6 +29,7 @@ pub mod peers;
 pub mod report;
 pub mod run;
 pub mod spread;
+pub mod table;
 pub mod text;
 pub mod trajectory;
 pub mod worlds;

@@ -3,10 +3,10 @@
 use super::answer::Answer;
 use crate::geometry::Rect;
 
-/// The worst frames of a run, at most so many, in order. How bad a frame is counts by the overlap that is missing; where
-/// the target is not in view, a frame is as bad as can be unless the target was said to be lost. The worst is taken
-/// first, of several the earliest, and the frames around it are left out, so that one failure does not take all the
-/// places. The first frame, whose box was given, is never among them.
+/// The worst frames of a run, at most so many, in order. How bad a frame is counts by the overlap that is missing;
+/// where the target is not in view, a frame is as bad as can be unless the target was said to be lost. The worst is
+/// taken first, of several the earliest, and the frames around it are left out, so that one failure does not take all
+/// the places. The first frame, whose box was given, is never among them.
 pub fn worst(answers: &[Answer], truth: &[Option<Rect>], count: usize) -> Vec<usize> {
     let badness = |(answer, truth): (&Answer, &Option<Rect>)| match truth {
         Some(_) => 1.0 - answer.overlap(*truth),

@@ -1,9 +1,9 @@
 //! The boxes of other trackers, from files: a folder a tracker, in it SEQUENCE.txt or SEQUENCE.csv with a row a frame.
 //!
-//! A row is `x,y,w,h`, with commas, tabs or spaces between, in pixels; NaN where the tracker says that the target is not
-//! in view. A fifth column is the tracker's confidence or any score that grows with it. A file whose first row begins
-//! with a letter names its columns there, as those of `track` and of `evaluate --boxes` do: `x,y,w,h,confidence,state`;
-//! `state` is tracking, uncertain or lost, other columns are skipped.
+//! A row is `x,y,w,h`, with commas, tabs or spaces between, in pixels; NaN where the tracker says that the target is
+//! not in view. A fifth column is the tracker's confidence or any score that grows with it. A file whose first row
+//! begins with a letter names its columns there, as those of `track` and of `evaluate --boxes` do:
+//! `x,y,w,h,confidence,state`; `state` is tracking, uncertain or lost, other columns are skipped.
 //!
 //! In `times.csv` of the folder may stand how long the tracker took: `sequence,frames,seconds`.
 //!
@@ -30,19 +30,46 @@ pub fn start_folder(folder: &Path, start: usize) -> PathBuf {
 
 /// Why the files of another tracker cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum PeerError {
     /// The file system refuses.
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
     /// A row that is none.
-    #[error("{}, line {line}: '{text}': {why}", path.display())]
-    Row { path: PathBuf, line: usize, text: String, why: String },
+    #[error("{}, line {line}: '{text}': {source}", path.display())]
+    Row { path: PathBuf, line: usize, text: String, source: RowError },
     /// The file is of other frames.
     #[error("{}: {rows} rows, but {frames} frames", path.display())]
     Rows { path: PathBuf, rows: usize, frames: usize },
     /// There is nothing of any of the sequences.
     #[error("{}: no file of boxes (SEQUENCE.txt, SEQUENCE.csv) of any of the sequences", .0.display())]
     Empty(PathBuf),
+}
+
+/// What is wrong with a row.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum RowError {
+    /// A column that must be there is not among those that the first row names.
+    #[error("there is no column '{0}'")]
+    NoColumn(&'static str),
+    /// Neither four numbers nor five.
+    #[error("it must hold x,y,w,h and may hold a confidence, not {0} numbers")]
+    Count(usize),
+    /// Fewer columns than the first row has.
+    #[error("there are only {0} columns")]
+    Short(usize),
+    /// A word that is no number.
+    #[error("'{0}' is no number")]
+    Number(String),
+    /// A box of which the confidence is NaN.
+    #[error("a box without its confidence")]
+    NoConfidence,
+    /// A word that is no state.
+    #[error("'{0}' is no state")]
+    State(String),
+    /// A row of the file of times that is none.
+    #[error("it must hold sequence,frames,seconds")]
+    Times,
 }
 
 /// Another tracker whose boxes are to be scored.
@@ -54,22 +81,27 @@ pub struct Peer {
     pub path: PathBuf,
 }
 
-impl std::str::FromStr for Peer {
-    type Err = String;
+/// A text that does not name a tracker and its folder.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("it must be NAME=DIR")]
+pub struct NotNamed;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+impl std::str::FromStr for Peer {
+    type Err = NotNamed;
+
+    fn from_str(text: &str) -> Result<Self, NotNamed> {
         match text.split_once('=') {
             Some((name, path)) if !name.is_empty() && !path.is_empty() => {
                 Ok(Self { name: name.to_owned(), path: path.into() })
             }
-            _ => Err("it must be NAME=DIR".to_owned()),
+            _ => Err(NotNamed),
         }
     }
 }
 
 impl Peer {
-    /// What the tracker said of each sequence from each start; nothing of one that it has no file of. As many rows as the
-    /// sequence has frames, at most `limit`, must be there; further ones are skipped.
+    /// What the tracker said of each sequence from each start; nothing of one that it has no file of. As many rows as
+    /// the sequence has frames, at most `limit`, must be there; further ones are skipped.
     pub fn load(&self, sequences: &[Sequence], limit: usize) -> Result<Vec<Vec<Run>>, PeerError> {
         let folders = (0..).map(|start| start_folder(&self.path, start)).take_while(|folder| folder.is_dir());
         let mut starts = folders.map(|folder| load_start(&folder, sequences, limit)).collect::<Result<Vec<_>, _>>()?;
@@ -121,13 +153,13 @@ struct Columns {
 
 impl Columns {
     /// As the first row names them; `None` where it holds values.
-    fn named(row: &str) -> Option<Result<Self, String>> {
+    fn named(row: &str) -> Option<Result<Self, RowError>> {
         let names = words(row);
         if names.first()?.parse::<f64>().is_ok() {
             return None;
         }
         let column = |name: &str| names.iter().position(|n| *n == name);
-        let needed = |name: &str| column(name).ok_or_else(|| format!("there is no column '{name}'"));
+        let needed = |name| column(name).ok_or(RowError::NoColumn(name));
         Some((|| {
             let rect = [needed("x")?, needed("y")?, needed("w")?, needed("h")?];
             Ok(Self { rect, confidence: column("confidence"), state: column("state") })
@@ -135,30 +167,30 @@ impl Columns {
     }
 
     /// Four or five in a row.
-    fn plain(row: &str) -> Result<Self, String> {
+    fn plain(row: &str) -> Result<Self, RowError> {
         match words(row).len() {
             count @ (4 | 5) => Ok(Self { rect: [0, 1, 2, 3], confidence: (count == 5).then_some(4), state: None }),
-            count => Err(format!("it must hold x,y,w,h and may hold a confidence, not {count} numbers")),
+            count => Err(RowError::Count(count)),
         }
     }
 
-    fn answer(&self, row: &str, last: Rect) -> Result<Answer, String> {
+    fn answer(&self, row: &str, last: Rect) -> Result<Answer, RowError> {
         let words = words(row);
-        let word = |at: usize| words.get(at).copied().ok_or_else(|| format!("there are only {} columns", words.len()));
-        let number = |at| word(at).and_then(|w| w.parse::<f64>().map_err(|_| format!("'{w}' is no number")));
+        let word = |at: usize| words.get(at).copied().ok_or(RowError::Short(words.len()));
+        let number = |at| word(at).and_then(|w| w.parse::<f64>().map_err(|_| RowError::Number(w.to_owned())));
         let [x, y, w, h] = self.rect.map(number);
         let rect = Rect::new(x?, y?, w?, h?);
         let is_given = rect.is_finite() && rect.area() > 0.0;
         let confidence = self.confidence.map(number).transpose()?;
         if is_given && confidence.is_some_and(f64::is_nan) {
-            return Err("a box without its confidence".to_owned());
+            return Err(RowError::NoConfidence);
         }
         let state = match self.state.map(word).transpose()? {
             _ if !is_given => State::Lost,
             None => State::Tracking,
             Some(name) => {
                 let known = [State::Tracking, State::Uncertain, State::Lost].into_iter().find(|s| s.name() == name);
-                known.ok_or_else(|| format!("'{name}' is no state"))?
+                known.ok_or_else(|| RowError::State(name.to_owned()))?
             }
         };
         // Benchmarks score a box in every frame: where none is given, the last one stands.
@@ -170,23 +202,23 @@ impl Columns {
 /// The rows of a file of boxes.
 fn answers(path: &Path) -> Result<Vec<Answer>, PeerError> {
     let lines = lines(path)?;
-    let failed = |(line, text): &(usize, String), why| PeerError::Row {
+    let failed = |(line, text): &(usize, String), source| PeerError::Row {
         path: path.to_owned(),
         line: *line,
         text: text.clone(),
-        why,
+        source,
     };
     let Some(first) = lines.first() else { return Ok(Vec::new()) };
     let (columns, rows) = match Columns::named(&first.1) {
         Some(columns) => (columns, &lines[1..]),
         None => (Columns::plain(&first.1), &lines[..]),
     };
-    let columns = columns.map_err(|why| failed(first, why))?;
+    let columns = columns.map_err(|e| failed(first, e))?;
     let mut found: Vec<Answer> = Vec::with_capacity(rows.len());
     let mut was_lost = false;
     for row in rows {
         let last = found.last().map_or(Rect::default(), |a| a.rect);
-        let mut answer = columns.answer(&row.1, last).map_err(|why| failed(row, why))?;
+        let mut answer = columns.answer(&row.1, last).map_err(|e| failed(row, e))?;
         answer.reacquired = was_lost && !answer.is_lost();
         was_lost = answer.is_lost();
         found.push(answer);
@@ -206,8 +238,8 @@ fn times(path: &Path) -> Result<Vec<(String, usize, Duration)>, PeerError> {
             let seconds = Duration::try_from_secs_f64(seconds.parse().ok()?).ok()?;
             Some(((*name).to_owned(), frames.parse().ok()?, seconds))
         };
-        let why = "it must hold sequence,frames,seconds".to_owned();
-        parsed().ok_or_else(|| PeerError::Row { path: path.to_owned(), line, text: text.clone(), why })
+        let failed = || PeerError::Row { path: path.to_owned(), line, text: text.clone(), source: RowError::Times };
+        parsed().ok_or_else(failed)
     };
     lines(path)?.into_iter().skip(1).map(row).collect()
 }
@@ -285,6 +317,6 @@ mod tests {
         assert_eq!(starts[0][1].answers[0].rect.x, 5.0);
         write(TIMES_FILE, "sequence,frames,seconds\nc,20\n");
         assert!(message(2).ends_with("times.csv, line 2: 'c,20': it must hold sequence,frames,seconds"));
-        assert_eq!("other".parse::<Peer>(), Err("it must be NAME=DIR".to_owned()));
+        assert_eq!("other".parse::<Peer>(), Err(NotNamed));
     }
 }

@@ -6,8 +6,9 @@ use super::absences::Delay;
 use super::bootstrap::Interval;
 use super::figures::Figures;
 use super::halves::{Choice, Halves, Standing, Summary};
-use super::report::{Report, Table};
+use super::report::Report;
 use super::spread::Spread;
+use super::table::Table;
 
 const MEAN: &str = "mean";
 const HEADER: &str = "frames   prec    AUC   held      F first loss  lost right wrong astray recovered    fps";
@@ -183,8 +184,8 @@ fn comparison(report: &Report, f: &mut fmt::Formatter<'_>) -> fmt::Result {
 mod tests {
     use super::*;
     use crate::eval::calibration::{Bin, Calibration};
-    use crate::eval::report::Row;
     use crate::eval::spread::Spreads;
+    use crate::eval::table::Row;
 
     fn figures() -> Figures {
         let mut figures = Figures { frames: 12, precision: 0.75, auc: 0.5, held: 1.0, ..Figures::default() };
@@ -236,7 +237,8 @@ long-term: precision 0.000, recall 0.000, F 0.625
             "F 0.625 at confidence 0.30; 0.000 with every answer\n",
             "absences: 2 (0 frames); lost said in 2 (after 2.5 frames), in 0 of 0 long ones in time\n",
             "returns: 0; found again 0 (after - frames)\n",
-            "calibration: expected error 0.100\n  confidence     -     -     -     -     -     -     -     -  0.85     -\n",
+            "calibration: expected error 0.100\n\
+             \x20 confidence     -     -     -     -     -     -     -     -  0.85     -\n",
             "2 starts:\n  precision mean 0.750, spread 0.000, runs 0.750 0.750\n",
             "  AUC       mean 0.625, spread 0.250, runs 0.500 0.750\n",
         ] {

@@ -7,8 +7,8 @@ use super::losses::RECOVERED_OVERLAP;
 /// A target is held again when so many boxes in a row overlap the true ones by more than [`RECOVERED_OVERLAP`].
 pub const HELD_FRAMES: usize = 10;
 
-/// The root mean square errors of the centre across and down, in pixels, over the frames with a true box; `None` where there
-/// is none.
+/// The root mean square errors of the centre across and down, in pixels, over the frames with a true box; `None` where
+/// there is none.
 pub fn rmse(boxes: &[Rect], truth: &[Option<Rect>]) -> Option<[f64; 2]> {
     let (mut squares, mut count) = ([0.0; 2], 0);
     for (found, wanted) in boxes.iter().zip(truth).filter_map(|(b, t)| t.map(|t| (b.centre(), t.centre()))) {

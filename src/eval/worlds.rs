@@ -1,6 +1,6 @@
-//! Which world a sequence is from: crowds, drones, thermal cameras. A file tells it, a row `sequence,world`; a name that ends
-//! in `*` stands for all that begin so, and the first row that fits counts. Empty lines, and those that begin with `#`, are
-//! skipped.
+//! Which world a sequence is from: crowds, drones, thermal cameras. A file tells it, a row `sequence,world`; a name
+//! that ends in `*` stands for all that begin so, and the first row that fits counts. Empty lines, and those that begin
+//! with `#`, are skipped.
 
 use std::path::{Path, PathBuf};
 
@@ -11,6 +11,7 @@ pub const OTHER: &str = "other";
 
 /// Why a file of worlds cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum WorldsError {
     /// The file system refuses.
     #[error("{}: {source}", path.display())]

@@ -48,7 +48,8 @@ pub fn bins(patch: &Patch, out: &mut Vec<u8>) {
     }
 }
 
-/// The square roots of the shares of all bins, which is what likeness is computed from. All are 0 where there is no pixel.
+/// The square roots of the shares of all bins, which is what likeness is computed from. All are 0 where there is no
+/// pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histogram([f32; BINS]);
 

@@ -1,25 +1,27 @@
 //! Whether a picture shows anything that could be followed.
 //!
-//! A wall, a lens cap or a clear sky tell one place from no other: what answers there answers anywhere, and a box would creep.
-//! What counts is how much the intensities vary in and around a target in a way that fixes a place in both directions.
-//! So what varies along one axis alone is taken out, as shades and the edges of long things do, and so is a slope.
+//! A wall, a lens cap or a clear sky tell one place from no other: what answers there answers anywhere, and a box would
+//! creep. What counts is how much the intensities vary in and around a target in a way that fixes a place in both
+//! directions. So what varies along one axis alone is taken out, as shades and the edges of long things do, and so is a
+//! slope.
 
 use crate::crop::{Cropper, Patch};
 use crate::frame::Frame;
 use crate::geometry::Rect;
 
-/// Contrast, in levels of 8 bits, below which nothing can be followed. Noise of two levels up and down, as JPEG leaves it on
-/// a plain wall, has 1.4 at most; where targets are in real sequences, infrared ones and ones from the air among them, it is
-/// above 10.
+/// Contrast, in levels of 8 bits, below which nothing can be followed. Noise of two levels up and down, as JPEG leaves
+/// it on a plain wall, has 1.4 at most; where targets are in real sequences, infrared ones and ones from the air among
+/// them, it is above 10.
 pub const LEAST_CONTRAST: f64 = 2.0;
-/// Side of the area that is looked at around a target, in target sizes: one of a single colour shows against what is around it.
+/// Side of the area that is looked at around a target, in target sizes: one of a single colour shows against what is
+/// around it.
 pub const AROUND: f64 = 2.0;
-/// Samples along a side of what is looked at, at most: twelve along a target, as many as it has cells in the default filter. Each
-/// is a mean, in which the noise of pixels is evened out.
+/// Samples along a side of what is looked at, at most: twelve along a target, as many as it has cells in the default
+/// filter. Each is a mean, in which the noise of pixels is evened out.
 const SAMPLES: usize = 24;
 
-/// How much a target and its surroundings vary: the standard deviation of the intensities, in levels of 8 bits, of the colour
-/// channel that shows most.
+/// How much a target and its surroundings vary: the standard deviation of the intensities, in levels of 8 bits, of the
+/// colour channel that shows most.
 pub fn contrast(frame: &Frame, target: &Rect) -> f64 {
     let mut patch = Patch::default();
     Cropper::default().crop(frame, &target.scaled(AROUND), SAMPLES, SAMPLES, &mut patch);
@@ -27,8 +29,8 @@ pub fn contrast(frame: &Frame, target: &Rect) -> f64 {
     patch.planes().iter().map(|plane| whole.contrast(plane, SAMPLES)).fold(0.0, f64::max)
 }
 
-/// Whether a patch shows anything in it that could be followed, where [`AROUND`] times a target's size is `tile`, width and
-/// height in pixels of the patch. A small thing in a wide plain area counts.
+/// Whether a patch shows anything in it that could be followed, where [`AROUND`] times a target's size is `tile`, width
+/// and height in pixels of the patch. A small thing in a wide plain area counts.
 pub fn shows_anything(patch: &Patch, tile: [usize; 2]) -> bool {
     let [width, height] = [tile[0].clamp(1, patch.width), tile[1].clamp(1, patch.height)];
     // The middle first: mostly something is there, and that is all the work.
@@ -56,8 +58,8 @@ struct Tile {
 }
 
 impl Tile {
-    /// The standard deviation of a plane's values in this tile, means over [`SAMPLES`] parts of a side, without a slope and what varies along one axis alone; of both
-    /// axes, that which leaves less.
+    /// The standard deviation of a plane's values in this tile, means over [`SAMPLES`] parts of a side, without a slope
+    /// and what varies along one axis alone; of both axes, that which leaves less.
     fn contrast(&self, plane: &[u8], stride: usize) -> f64 {
         let [across, down] = [self.width, self.height].map(|side| side.div_ceil(SAMPLES));
         let [m, n] = [self.width / across, self.height / down];

@@ -203,12 +203,15 @@ fn share(pixel: usize) -> (usize, f32) {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+
     use super::*;
     use crate::crop::Cropper;
     use crate::frame::{Encoding, Frame};
 
-    fn noise(width: usize, height: usize) -> Patch {
-        let mut state = 1u32;
+    fn noise(width: usize, height: usize, seed: u32) -> Patch {
+        let mut state = seed;
         let data: Vec<u8> = (0..width * height * 3)
             .map(|_| {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -274,19 +277,34 @@ mod tests {
         out
     }
 
-    #[test]
-    fn hog_agrees_with_its_definition() {
-        let patch = noise(24, 20);
+    fn agrees(rows: usize, cols: usize, seed: u32) {
+        let patch = noise(cols * CELL, rows * CELL, seed);
         let mut map = FeatureMap::default();
         Hog::default().compute(&patch, &mut map);
-        assert_eq!((map.rows, map.cols, map.channels), (5, 6, 31));
-        for row in 0..5 {
-            for col in 0..6 {
+        assert_eq!((map.rows, map.cols, map.channels), (rows, cols, CHANNELS));
+        for row in 0..rows {
+            for col in 0..cols {
                 for (channel, want) in reference(&patch, row, col).into_iter().enumerate() {
-                    let got = f64::from(map.plane(channel)[row * 6 + col]);
+                    let got = f64::from(map.plane(channel)[row * cols + col]);
                     assert!((got - want).abs() < 1e-4, "{row} {col} {channel}: {got} {want}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn hog_agrees_with_its_definition() {
+        agrees(5, 6, 1);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::with_cases(16)
+        })]
+
+        #[test]
+        fn a_patch_of_any_size_agrees_with_the_definition(rows in 1usize..7, cols in 1usize..7, seed: u32) {
+            agrees(rows, cols, seed);
         }
     }
 

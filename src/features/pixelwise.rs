@@ -3,8 +3,8 @@
 //!
 //! The neighbourhood is a square of `2 radius + 1` pixels. Eight unsigned orientations; each pixel of it votes with the
 //! magnitude of its gradient for the nearest one, and the histogram is divided by the sum of all votes plus a floor, so
-//! that flat places have small entries. Rows come one at a time, so that a picture of any size needs a few rows of memory;
-//! sums over the neighbourhood run along with them, in integers, so that nothing is lost on the way.
+//! that flat places have small entries. Rows come one at a time, so that a picture of any size needs a few rows of
+//! memory; sums over the neighbourhood run along with them, in integers, so that nothing is lost on the way.
 
 use std::sync::LazyLock;
 
@@ -45,8 +45,8 @@ fn orientation(dx: f64, dy: f64) -> usize {
 pub struct Pixelwise {
     /// Packed votes of the rows in the neighbourhood, a ring of `2 radius + 1` rows.
     votes: Vec<u16>,
-    /// For each orientation, the sum of the votes of each column within those rows, with a margin of `radius` columns on
-    /// both sides: `orientations x (width + 2 radius)`.
+    /// For each orientation, the sum of the votes of each column within those rows, with a margin of `radius` columns
+    /// on both sides: `orientations x (width + 2 radius)`.
     columns: Vec<u32>,
     sums: Vec<u32>,
     total: Vec<u32>,
@@ -134,8 +134,8 @@ fn unpack(vote: u16) -> (usize, u32) {
     (usize::from(vote) % ORIENTATIONS, u32::from(vote) / ORIENTATIONS as u32)
 }
 
-/// The packed votes of row `y`: central differences (one-sided at the border) of green, the plane that carries most of the
-/// luminance.
+/// The packed votes of row `y`: central differences (one-sided at the border) of green, the plane that carries most of
+/// the luminance.
 fn gradients(patch: &Patch, y: usize, votes: &mut [u16]) {
     let (width, height) = (patch.width, patch.height);
     let planes = patch.planes();

@@ -58,6 +58,9 @@ impl Resize {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+
     use super::*;
 
     fn map(rows: usize, cols: usize, at: impl Fn(usize, f64, f64) -> f64) -> FeatureMap {
@@ -96,5 +99,42 @@ mod tests {
         let mut out = vec![0.0; source.data.len()];
         Resize::new([6, 4], [6, 4]).apply(&source, &mut out);
         assert_eq!(out, source.data);
+    }
+
+    /// The value at a place of a plane, in cells, by the definition.
+    fn bilinear(map: &FeatureMap, channel: usize, y: f64, x: f64) -> f64 {
+        let side = |at: f64, count: usize| {
+            let at = at.clamp(0.0, count as f64 - 1.0);
+            [(at.floor(), 1.0 - at.fract()), (at.ceil(), at.fract())]
+        };
+        let value = |y: f64, x: f64| f64::from(map.plane(channel)[y as usize * map.cols + x as usize]);
+        let (rows, cols) = (side(y, map.rows), side(x, map.cols));
+        rows.iter().flat_map(|(y, wy)| cols.map(|(x, wx)| wy * wx * value(*y, x))).sum()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::with_cases(128)
+        })]
+
+        #[test]
+        fn grids_of_any_sizes_agree_with_the_definition(
+            from in prop::array::uniform2(1usize..20),
+            to in prop::array::uniform2(1usize..40),
+            values in prop::collection::vec(-1.0f32..1.0, 2 * 20 * 20),
+        ) {
+            let mut source = FeatureMap::default();
+            source.resize(from[0], from[1], 2);
+            let count = source.data.len();
+            source.data.copy_from_slice(&values[..count]);
+            let mut out = vec![0.0; 2 * to[0] * to[1]];
+            Resize::new(from, to).apply(&source, &mut out);
+            for (i, got) in out.iter().enumerate() {
+                let (channel, row, col) = (i / (to[0] * to[1]), i / to[1] % to[0], i % to[1]);
+                let at = |i: usize, axis: usize| (i as f64 + 0.5) * from[axis] as f64 / to[axis] as f64 - 0.5;
+                let want = bilinear(&source, channel, at(row, 0), at(col, 1));
+                prop_assert!((f64::from(*got) - want).abs() < 1e-5, "{row} {col}: {got} {want}");
+            }
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Bounds of a state, and Gaussian noise that stays within them: a step that would lead out is reflected at the border.
 //!
-//! The density of a reflected step at `y` is that of the Gaussian at `y` and at all its mirror images, `y + 2k(b - a)` and
-//! `2a - y + 2k(b - a)` for every integer `k`: what would be drawn there ends up at `y`.
+//! The density of a reflected step at `y` is that of the Gaussian at `y` and at all its mirror images, `y + 2k(b - a)`
+//! and `2a - y + 2k(b - a)` for every integer `k`: what would be drawn there ends up at `y`.
 
 use std::f64::consts::TAU;
 
@@ -9,8 +9,8 @@ use super::Vector;
 
 /// Standard deviations beyond which a Gaussian has no weight that counts: less than 1e-15 of its greatest density.
 const REACH: f64 = 8.5;
-/// Below this width, in standard deviations, a reflected Gaussian is as good as uniform: its density differs by less than
-/// `2 exp(-2 pi^2)` of that (Poisson's summation formula), 6e-9.
+/// Below this width, in standard deviations, a reflected Gaussian is as good as uniform: its density differs by less
+/// than `2 exp(-2 pi^2)` of that (Poisson's summation formula), 6e-9.
 const NARROW: f64 = 0.5;
 
 /// What a state may be: a box, which holds its borders.
@@ -33,9 +33,9 @@ impl<const N: usize> Bounds<N> {
         state.zip_zip_map(&self.low, &self.high, reflected)
     }
 
-    /// The logarithm of the density at `x` of a step from `mean`, Gaussian of these standard deviations and reflected; but for
-    /// a constant that depends on `N` alone. Both states are within the bounds, and none of the deviations is 0. A quantity
-    /// that cannot vary has none.
+    /// The logarithm of the density at `x` of a step from `mean`, Gaussian of these standard deviations and reflected;
+    /// but for a constant that depends on `N` alone. Both states are within the bounds, and none of the deviations is
+    /// 0. A quantity that cannot vary has none.
     pub fn log_density(&self, x: &Vector<N>, mean: &Vector<N>, deviations: &Vector<N>) -> f64 {
         let z = (x - mean).component_div(deviations);
         let direct = -0.5 * z.norm_squared() - deviations.iter().map(|d| d.ln()).sum::<f64>();

@@ -1,19 +1,19 @@
-//! A particle filter whose proposals may be guided by what is seen (ETEPF, steps 2 to 5 of its algorithm; the importance
-//! weights are those of Isard and Blake, *ICONDENSATION*, ECCV 1998).
+//! A particle filter whose proposals may be guided by what is seen (ETEPF, steps 2 to 5 of its algorithm; the
+//! importance weights are those of Isard and Blake, *ICONDENSATION*, ECCV 1998).
 //!
 //! `n` particles of equal weight stand for what is known. A frame goes through
 //!
 //! 1. [`propagate`](Particles::propagate): each is moved by Gaussian noise, `x^ ~ N(x, C^2)`, the motion model (eq 6),
 //!    reflected at the bounds of what a state may be;
-//! 2. [`guide`](Particles::guide): each of these is led to a better place, `x~`, and `x- ~ N(x~, S^2)` is drawn beside it:
-//!    2n particles. Its weight `p(x- | x) / q(x- | x~)` makes up for having been led (eq 2);
+//! 2. [`guide`](Particles::guide): each of these is led to a better place, `x~`, and `x- ~ N(x~, S^2)` is drawn beside
+//!    it: 2n particles. Its weight `p(x- | x) / q(x- | x~)` makes up for having been led (eq 2);
 //! 3. [`weigh`](Particles::weigh): by the likelihood of what is seen;
 //! 4. [`mean`](Particles::mean);
 //! 5. [`resample`](Particles::resample), or [`gather`](Particles::gather) where what was seen tells nothing.
 //!
-//! Noise is independent in each of the `N` quantities of a state. `p` and `q` are the densities of reflected steps, so that the
-//! guided half has the right weights on the average over `x-`, whatever led it, and the posterior stays unbiased up to the
-//! bounds.
+//! Noise is independent in each of the `N` quantities of a state. `p` and `q` are the densities of reflected steps, so
+//! that the guided half has the right weights on the average over `x-`, whatever led it, and the posterior stays
+//! unbiased up to the bounds.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -65,8 +65,8 @@ impl<const N: usize> Particles<N> {
         &self.drawn
     }
 
-    /// Moves each particle by Gaussian noise of these standard deviations, reflected at the bounds. One that is outside of them
-    /// starts at the nearest state within.
+    /// Moves each particle by Gaussian noise of these standard deviations, reflected at the bounds. One that is outside
+    /// of them starts at the nearest state within.
     pub fn propagate(&mut self, noise: &Vector<N>, bounds: &Bounds<N>) {
         self.drawn.clear();
         for known in &mut self.known {
@@ -77,8 +77,8 @@ impl<const N: usize> Particles<N> {
     }
 
     /// Draws another particle beside each propagated one: by Gaussian noise of the standard deviations `spread` around
-    /// where `lead` takes it, reflected likewise. `noise` and `bounds` are those of [`propagate`](Self::propagate). None of the
-    /// deviations is 0.
+    /// where `lead` takes it, reflected likewise. `noise` and `bounds` are those of [`propagate`](Self::propagate).
+    /// None of the deviations is 0.
     pub fn guide(
         &mut self,
         noise: &Vector<N>,
@@ -181,8 +181,8 @@ mod tests {
         }
     }
 
-    /// At the edge: prior N(0, 2^2) folded at 0, which is half-normal, seen at -1 with N(x, 1). Of the posterior, N(-0.8, 0.8)
-    /// above 0, mean and variance are those of a truncated normal in closed form.
+    /// At the edge: prior N(0, 2^2) folded at 0, which is half-normal, seen at -1 with N(x, 1). Of the posterior,
+    /// N(-0.8, 0.8) above 0, mean and variance are those of a truncated normal in closed form.
     #[test]
     fn guided_particles_keep_the_posterior_unbiased_at_an_edge() {
         const COUNT: usize = 200_000;

@@ -1,7 +1,7 @@
 //! One image as it came in: borrowed bytes with their layout, checked once.
 //!
-//! Images are not converted as a whole: what is looked at is read out of the bytes as they are. `encoding.rs` holds what
-//! there is, `pixels.rs` reads it.
+//! Images are not converted as a whole: what is looked at is read out of the bytes as they are. `encoding.rs` holds
+//! what there is, `pixels.rs` reads it.
 
 mod encoding;
 mod pixels;
@@ -56,8 +56,8 @@ impl Default for Levels {
 }
 
 impl<'a> Frame<'a> {
-    /// Checks the layout: `height` rows of `step` bytes, of which the first `width` pixels count, and the rows of colour
-    /// that some encodings have below them. The last row may end after its last pixel.
+    /// Checks the layout: `height` rows of `step` bytes, of which the first `width` pixels count, and the rows of
+    /// colour that some encodings have below them. The last row may end after its last pixel.
     pub fn new(
         data: &'a [u8],
         width: u32,
@@ -85,7 +85,12 @@ impl<'a> Frame<'a> {
         if data.len() < needed {
             return Err(FrameError::Data { len: data.len(), height: rows, step, needed });
         }
-        Ok(Self { data, width, height, extent: [width, height], step, encoding, levels: Levels::default(), stamp })
+        Ok(Self::checked(data, width, height, step, encoding, stamp))
+    }
+
+    /// Borrows bytes whose layout has been checked.
+    fn checked(data: &'a [u8], width: u32, height: u32, step: usize, encoding: Encoding, stamp: Stamp) -> Self {
+        Self { data, width, height, extent: [width, height], step, encoding, levels: Levels::default(), stamp }
     }
 
     /// The same picture as if it had that width and height: coordinates count in its pixels, whatever the bytes hold.
@@ -200,8 +205,7 @@ impl FrameBuffer {
 
     /// The image, borrowed.
     pub fn frame(&self) -> Frame<'_> {
-        Frame::new(&self.data, self.width, self.height, self.step, self.encoding, self.stamp)
-            .expect("the layout was checked when the buffer was made")
+        Frame::checked(&self.data, self.width, self.height, self.step, self.encoding, self.stamp)
     }
 }
 

@@ -1,10 +1,10 @@
 //! AdaBoost over linear classifiers (Freund and Schapire, *Experiments with a new boosting algorithm*, 1996), as
 //! ensemble tracking uses it (Avidan, *Ensemble tracking*, PAMI 2007, section 2.1; ETEPF, eq 5).
 //!
-//! A weak classifier is the sign of `a . x + b`: `a` is that of weighted least squares on labels of +1 and -1, and `b` makes
-//! the least weighted error with it. (With the `b` of least squares, as in Avidan, later classifiers are no better than
-//! chance, and there are but two or three.) Each is trained on weights that stress what those before it got wrong; its
-//! vote `alpha` follows from its weighted error. `D` is the number of features.
+//! A weak classifier is the sign of `a . x + b`: `a` is that of weighted least squares on labels of +1 and -1, and `b`
+//! makes the least weighted error with it. (With the `b` of least squares, as in Avidan, later classifiers are no
+//! better than chance, and there are but two or three.) Each is trained on weights that stress what those before it got
+//! wrong; its vote `alpha` follows from its weighted error. `D` is the number of features.
 
 use multiversion::multiversion;
 use nalgebra::{DMatrix, DVector};
@@ -106,7 +106,8 @@ impl<const D: usize> Weak<D> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ensemble<const D: usize> {
     weak: Vec<Weak<D>>,
-    /// The likelihood (ETEPF eq 5) of each outcome of the votes: bit `k` of the index is set if classifier `k` says yes.
+    /// The likelihood (ETEPF eq 5) of each outcome of the votes: bit `k` of the index is set if classifier `k` says
+    /// yes.
     likelihoods: Vec<f32>,
 }
 

@@ -20,7 +20,7 @@ pub use state::Set;
 
 use gram::Gram;
 use score::Scorer;
-use state::State;
+use state::SolverState;
 
 /// The settings of an [`Svm`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,7 +59,7 @@ pub struct Example<'a> {
 #[derive(Clone, Debug)]
 pub struct Svm {
     params: SvmParams,
-    state: State,
+    state: SolverState,
     /// Running number of each kept example: the smaller, the older.
     births: Vec<u64>,
     next_birth: u64,
@@ -71,7 +71,7 @@ pub struct Svm {
 impl Svm {
     /// A classifier without examples for feature vectors of `dim` numbers.
     pub fn new(dim: usize, params: SvmParams) -> Self {
-        let state = State::new(Gram::new(dim, params.gamma), params.c);
+        let state = SolverState::new(Gram::new(dim, params.gamma), params.c);
         Self { params, state, births: Vec::new(), next_birth: 0, scorer: Scorer::default(), packed: false }
     }
 
@@ -119,10 +119,10 @@ impl Svm {
 
     /// Learns an example of `dim()` finite numbers.
     ///
-    /// Where more than `max_support` examples are then kept, the one with the greatest margin is removed, exactly: first
-    /// the reserve vector farthest from the margin; where there is no reserve vector, the margin vector of the smallest
-    /// coefficient; last, the error vector closest to the margin. Of equals the oldest goes, and the last example of a
-    /// class never does.
+    /// Where more than `max_support` examples are then kept, the one with the greatest margin is removed, exactly:
+    /// first the reserve vector farthest from the margin; where there is no reserve vector, the margin vector of the
+    /// smallest coefficient; last, the error vector closest to the margin. Of equals the oldest goes, and the last
+    /// example of a class never does.
     ///
     /// # Panics
     /// If `x` has another length.
@@ -171,8 +171,8 @@ impl Svm {
 
     /// Writes the decision values of the rows of `xs`, row-major `out.len() x dim()`, to `out`.
     ///
-    /// Many at once are far faster than one by one; more than [`BLOCK`] gain nothing. Dot products are single precision:
-    /// relative to [`margin`](Self::margin), squared distances are off by about 1e-7 of the squared lengths.
+    /// Many at once are far faster than one by one; more than [`BLOCK`] gain nothing. Dot products are single
+    /// precision: relative to [`margin`](Self::margin), squared distances are off by about 1e-7 of the squared lengths.
     ///
     /// # Panics
     /// If the lengths do not match.

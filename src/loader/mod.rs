@@ -1,5 +1,5 @@
-//! Networks as the parameters ask for them: read from their files, given to the library that is to run them, checked, and
-//! told to the log. Whoever drives a [`Session`] loads here and hands the network in; loading takes up to seconds.
+//! Networks as the parameters ask for them: read from their files, given to the library that is to run them, checked,
+//! and told to the log. Whoever drives a [`Session`] loads here and hands the network in; loading takes up to seconds.
 //!
 //! | file | what it holds |
 //! |---|---|
@@ -143,8 +143,8 @@ impl Loaded {
 
 /// A session with the network that its parameters ask for, loaded here.
 impl Session {
-    /// A session that waits for a mark or, where the tracker finds targets by itself, for frames; or why a file that the
-    /// parameters name cannot be used.
+    /// A session that waits for a mark or, where the tracker finds targets by itself, for frames; or why a file that
+    /// the parameters name cannot be used.
     ///
     /// # Errors
     /// As [`Request::load`].

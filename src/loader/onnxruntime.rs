@@ -12,8 +12,8 @@ const LIBRARY_VARIABLE: &str = "ORT_DYLIB_PATH";
 /// The library in use. Another one can be only after a restart: the first stays in the process.
 static IN_USE: Mutex<Option<(PathBuf, Runtime)>> = Mutex::new(None);
 
-/// The runtime that is asked for, with its name in log lines; or why the built-in library does the work. An error where one
-/// is named, by parameter or environment, that cannot be used.
+/// The runtime that is asked for, with its name in log lines; or why the built-in library does the work. An error where
+/// one is named, by parameter or environment, that cannot be used.
 pub(super) fn find(inference: Inference, library: Option<&Path>) -> Result<Result<(Runtime, String), String>, String> {
     if inference == Inference::Builtin {
         return Ok(Err("as asked for".to_owned()));

@@ -14,6 +14,7 @@ const LITTLE_ENDIAN: [u8; HEADER] = [0, 1, 0, 0];
 
 /// Why bytes and messages do not go into each other.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum CdrError {
     /// Too short to say how it is laid out.
     #[error("{0} bytes are no message")]

@@ -63,8 +63,8 @@ pub fn raw(image: Image) -> Result<FrameBuffer, FrameError> {
     pixels(image, stamp)
 }
 
-/// The JPEG or PNG image in a message, whose pixels may take `most` bytes; its bytes tell which, whatever the format is said
-/// to be.
+/// The JPEG or PNG image in a message, whose pixels may take `most` bytes; its bytes tell which, whatever the format is
+/// said to be.
 pub fn compressed(image: &CompressedImage, most: u64) -> Result<FrameBuffer, DecodeError> {
     let decoded = decode(&image.data, image.header.stamp(), most)?;
     let encoding = meant(&image.format, decoded.frame().encoding());

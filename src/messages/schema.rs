@@ -13,7 +13,8 @@ const DEFINITIONS: [(&str, &str); 24] = [
     ("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id\n"),
     (
         "sensor_msgs/Image",
-        "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\nuint8[] data\n",
+        "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\n\
+         uint32 step\nuint8[] data\n",
     ),
     ("sensor_msgs/CompressedImage", "std_msgs/Header header\nstring format\nuint8[] data\n"),
     ("geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z\n"),

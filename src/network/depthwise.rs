@@ -1,8 +1,8 @@
-//! Depthwise convolutions for tract, whose own take nearly half the time of the embedded network: it computes an output row
-//! by itself, and its ends, or all of it where the stride is not one, without vectors.
+//! Depthwise convolutions for tract, whose own take nearly half the time of the embedded network: it computes an output
+//! row by itself, and its ends, or all of it where the stride is not one, without vectors.
 //!
-//! Here a channel is laid out with its padding, and so that what one tap meets lies side by side. All outputs are one long
-//! row then; the few of it that begin in the padding are computed and left out.
+//! Here a channel is laid out with its padding, and so that what one tap meets lies side by side. All outputs are one
+//! long row then; the few of it that begin in the padding are computed and left out.
 
 use multiversion::multiversion;
 use tract_linalg::multithread::par_chunks_mut;
@@ -14,8 +14,8 @@ use tract_onnx::tract_hir::internal::*;
 /// Outputs that are summed at once.
 const BLOCK: usize = 32;
 
-/// A convolution of each channel by its own kernel. Inputs: an image of channels x rows x columns, maybe with a first axis
-/// of one; kernels, channels x 1 x rows x columns; a bias for each channel. Pairs here are of rows and columns.
+/// A convolution of each channel by its own kernel. Inputs: an image of channels x rows x columns, maybe with a first
+/// axis of one; kernels, channels x 1 x rows x columns; a bias for each channel. Pairs here are of rows and columns.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 struct Depthwise {
     input: [usize; 2],
@@ -86,7 +86,8 @@ impl Depthwise {
     }
 }
 
-/// How a channel with its padding lies in memory: as phases, which are the pixels that are a stride apart, row after row.
+/// How a channel with its padding lies in memory: as phases, which are the pixels that are a stride apart, row after
+/// row.
 struct Layout {
     stride: [usize; 2],
     /// Sides of a phase.
@@ -199,12 +200,15 @@ fn with_sides<D: From<usize>>(shape: impl Iterator<Item = D>, sides: [usize; 2])
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
     use tract_linalg::multithread::{Executor, multithread_tract_scope};
     use tract_onnx::tract_core::ops::cnn::{PaddingSpec, PoolSpec};
 
     use super::*;
 
     /// A convolution as tract has it, of images with or without a first axis.
+    #[derive(Clone, Copy, Debug)]
     struct Case {
         channels: usize,
         batch: bool,
@@ -290,16 +294,47 @@ mod tests {
             Case { channels: 96, rows: 96, cols: 96, ..CASE },
         ];
         let threads = Executor::multithread(2);
-        for (i, case) in cases.iter().enumerate() {
-            let mut model = case.model()?;
-            let own = run(model.clone(), case.image()?)?;
-            assert_eq!(replace(&mut model)?, 1, "case {i}");
-            for executor in [&Executor::SingleThread, &threads] {
-                let replaced = multithread_tract_scope(executor.clone(), || run(model.clone(), case.image()?))?;
-                replaced.close_enough(&own, Approximation::Close).with_context(|| format!("case {i}"))?;
-            }
+        cases.iter().try_for_each(|case| agrees(case, &[&Executor::SingleThread, &threads], Approximation::Close))
+    }
+
+    fn agrees(case: &Case, executors: &[&Executor], nearly: Approximation) -> TractResult<()> {
+        let mut model = case.model()?;
+        let own = run(model.clone(), case.image()?)?;
+        assert_eq!(replace(&mut model)?, 1, "{case:?}");
+        for executor in executors {
+            let replaced = multithread_tract_scope((*executor).clone(), || run(model.clone(), case.image()?))?;
+            replaced.close_enough(&own, nearly).with_context(|| format!("{case:?}"))?;
         }
         Ok(())
+    }
+
+    /// Sums of at most 25 products of numbers up to 1, added in another order: absolute, relative, no outliers.
+    const ROUNDED: Approximation = Approximation::Custom(4e-6, 1e-6, 0.0);
+
+    prop_compose! {
+        /// Any geometry in which the kernel fits into the image with its padding.
+        fn cases()(
+            (channels, batch) in (1usize..6, any::<bool>()),
+            [rows, cols] in prop::array::uniform2(1usize..24),
+            kernel in prop::array::uniform2(1usize..6),
+            stride in prop::array::uniform2(1usize..5),
+            padding in prop::array::uniform2(prop::array::uniform2(0usize..5)),
+        ) -> Case {
+            let least = |axis: usize| kernel[axis].saturating_sub(padding[0][axis] + padding[1][axis]);
+            let (rows, cols) = (rows.max(least(0)), cols.max(least(1)));
+            Case { channels, batch, rows, cols, kernel, stride, padding, dilation: 1 }
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::with_cases(64)
+        })]
+
+        #[test]
+        fn does_the_same_as_tract_of_any_geometry(case in cases()) {
+            agrees(&case, &[&Executor::SingleThread], ROUNDED).map_err(|e| TestCaseError::fail(format!("{e:?}")))?;
+        }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Convolutional networks that run on image patches: any ONNX network that takes one image, and any of its outputs.
 //!
-//! A network is handed in as bytes, and so is the library that runs it: nothing here reads a file or the environment, or
-//! writes to a log. [`loader`](crate::loader) does that.
+//! A network is handed in as bytes, and so is the library that runs it: nothing here reads a file or the environment,
+//! or writes to a log. [`loader`](crate::loader) does that.
 //!
 //! What is looked at is resampled to the network's input size, whatever its shape, so that the maps cover just that.
 //!
@@ -87,8 +87,8 @@ pub struct Cnn {
 }
 
 impl Cnn {
-    /// The network in `model`, which messages call `name`. Its input and outputs are checked, and it is tried out on a grey
-    /// image.
+    /// The network in `model`, which messages call `name`. Its input and outputs are checked, and it is tried out on a
+    /// grey image.
     ///
     /// # Errors
     /// It is no network that `engine` runs, takes something else than an image of that size, lacks an output, or gives
@@ -121,8 +121,8 @@ impl Cnn {
         &self.settings
     }
 
-    /// Computes the maps of what `window` shows. A run that fails leaves maps of zeros, to which nothing answers, and says why
-    /// in [`failure`](Self::failure).
+    /// Computes the maps of what `window` shows. A run that fails leaves maps of zeros, to which nothing answers, and
+    /// says why in [`failure`](Self::failure).
     pub fn compute(&mut self, frame: &Frame, window: &Rect, cropper: &mut Cropper) {
         let mut patch = std::mem::take(&mut self.patch);
         cropper.crop(frame, window, self.settings.side, self.settings.side, &mut patch);

@@ -2,6 +2,12 @@
 
 use super::table::{choice, group, groups};
 
+/// Side of the outer rectangle in target sizes; what is between it and the target is the background that is learned,
+/// and measured in eq 4.
+pub(crate) const SURROUND: f64 = 2.0;
+/// Steps of mean shift, at most, to a local peak.
+pub(crate) const CLIMB: i64 = 10;
+
 choice! {
     /// What finds the target.
     pub enum EtepfMethod {
@@ -27,47 +33,39 @@ choice! {
 group! {
     /// Features of pixels.
     pub struct EtepfFeatures at "etepf.features." {
-        radius: i64 = 2, in 0..=8, unit "px"; "Reach of the neighbourhood whose gradients describe a pixel; 2 makes it 5 x 5."
-        pixels: i64 = 2500, in 64..=1000000; "Pixels of the target in the likelihood image, at most: a larger one is seen smaller."
+        pixels: i64 = 2500, in 64..=1000000, needs Target; "Pixels of the target in the likelihood image, at most: a larger one is seen smaller."
     }
 }
 
 group! {
     /// The ensemble of weak classifiers.
     pub struct EtepfEnsemble at "etepf.ensemble." {
-        classifiers: i64 = 5, in 1..=12; "Weak classifiers."
-        surround: f64 = 2.0, in 1.2..=5.0, unit "target sizes"; "Side of the outer rectangle; what is between it and the target is the background that is learned, and measured in eq 4."
-        examples: i64 = 1000, in 50..=10000; "Pixels of the target, and of the background, that are learned from the first frame, at most."
+        classifiers: i64 = 5, in 1..=12, needs Classifiers; "Weak classifiers."
     }
 }
 
 group! {
     /// The adaptive motion model and the particles.
     pub struct EtepfParticles at "etepf.particles." {
-        method: EtepfMethod = EtepfMethod::Full; "What finds the target: the whole tracker or, for comparison, one half of it alone."
-        count: i64 = 10, in 1..=1000; "Particles (N). Twice as many are weighed."
-        history: i64 = 5, in 1..=100, unit "frames"; "Frames whose steps give the noise of the motion model (C of eq 6)."
+        count: i64 = 10, in 1..=1000, is Basic; "Particles (N). Twice as many are weighed."
         least_noise: f64 = 5.0, in 0.1..=1000.0, unit "px"; "Least standard deviation of a step across and down."
         scale_noise: f64 = 0.01, in 0.0001..=0.5; "Standard deviation of a step of the scale."
-        spread: f64 = 1.0, in 0.1..=10.0; "Standard deviation of what is drawn around a local peak (Sigma), in units of the motion model's."
-        climb: i64 = 10, in 1..=100; "Steps of mean shift, at most."
-        settle: i64 = 10, in 0..=100; "Steps of mean shift, at most, from the mean of the particles to where the target is taken to be; 0 takes the mean, as the paper does."
-        observation: Observation = Observation::Contrast; "What particles are weighed by beside their colours: `mean` is eq 9."
-        lambda: f64 = 20.0, in 0.1..=1000.0; "How much the distance of colour histograms counts (lambda of eq 8)."
-        parts: i64 = 2, in 1..=8; "Parts of the target, one below the other, that have a colour histogram each; 1 as in the paper."
+        method: EtepfMethod = EtepfMethod::Full, is Ablation; "What finds the target: the whole tracker or, for comparison, one half of it alone."
+        settle: i64 = 10, in 0..=100, is Ablation; "Steps of mean shift, at most, from the mean of the particles to where the target is taken to be; 0 takes the mean, as the paper does."
+        observation: Observation = Observation::Contrast, is Ablation; "What particles are weighed by beside their colours: `mean` is eq 9."
+        parts: i64 = 2, in 1..=8, needs Target, is Ablation; "Parts of the target, one below the other, that have a colour histogram each; 1 as in the paper."
     }
 }
 
 group! {
     /// The modes TRACK and FIND.
     pub struct EtepfModes at "etepf.modes." {
-        certain: f64 = 0.5, in 0.0..=1.0; "Likelihood mean above which the target is certain, and which a lost one must have to be taken up again (T1)."
-        lost: f64 = 0.1, in 0.0..=1.0; "Likelihood mean below which it is lost (T2): the mode is FIND."
+        certain: f64 = 0.5, in 0.0..=1.0, is Basic; "Likelihood mean above which the target is certain, and which a lost one must have to be taken up again (T1)."
+        lost: f64 = 0.1, in 0.0..=1.0, is Basic; "Likelihood mean below which it is lost (T2): the mode is FIND."
         lost_contrast: f64 = 0.25, in -20.0..=20.0, unit "of the first frame's"; "Difference of the likelihood means (eq 4) below which it is lost; -20 leaves that to T2, as in the paper."
         lost_similar: f64 = 0.4, in 0.0..=1.0; "Similarity of colour histograms below which it is lost; 0 in the paper."
         similar: f64 = 0.7, in 0.0..=1.0; "Similarity of colour histograms above which a lost target is taken up again (T3); 0.5 in the paper."
         found_contrast: f64 = 0.4, in -20.0..=20.0, unit "of the first frame's"; "Difference of the likelihood means above which it is taken up again."
-        widen: f64 = 1.2, in 1.0..=2.0; "Growth of the motion model's noise with each frame in FIND."
         extent: f64 = 8.0, in 1.0..=32.0, unit "target sizes"; "Side of the area around its last place in which a target is searched."
     }
 }
@@ -75,13 +73,8 @@ group! {
 group! {
     /// The update of the ensemble and the colours.
     pub struct EtepfUpdate at "etepf.update." {
-        enabled: bool = true; "Trains the ensemble anew and renews the colours from time to time, while the target is certain; the paper does neither."
         interval: i64 = 5, in 1..=1000, unit "frames"; "Frames from one training to the next."
-        memory: i64 = 5, in 1..=100; "Frames that are learned from beside the first."
-        first: f64 = 0.5, in 0.0..=1.0; "Share of the first frame in the weight of all examples, and in the colours: it guards against drift."
-        colours: f64 = 0.2, in 0.0..=1.0; "Weight of a learned frame in the recent colours; 0 keeps those of the first frame."
-        contrast: f64 = 0.7, in -20.0..=20.0, unit "of the first frame's"; "Difference of the likelihood means (eq 4) that a frame must show to be learned from."
-        similar: f64 = 0.8, in 0.0..=1.0; "Similarity of colour histograms that a frame must show to be learned from."
+        enabled: bool = true, is Ablation; "Trains the ensemble anew and renews the colours from time to time, while the target is certain; the paper does neither."
     }
 }
 

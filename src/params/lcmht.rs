@@ -41,10 +41,9 @@ choice! {
 group! {
     /// Features and layers.
     pub struct LcmhtLayers at "lcmht.layers." {
-        joint: bool = false; "HOG and colour names make one layer of 42 channels as in the paper, instead of a layer each."
-        hog_components: i64 = 16, in 1..=31; "Principal components of HOG that are kept; separate layers only."
-        hog_weight: f64 = 1.0, in 0.0..=10.0; "Energy of the HOG layer, 0 leaves it out; of the joint layer, the weight of its response (gamma of eq 6)."
-        colour_weight: f64 = 0.5, in 0.0..=10.0; "Energy of the colour-name layer, 0 leaves it out; separate layers only."
+        joint: bool = false, needs Filters, is Ablation; "HOG and colour names make one layer of 42 channels as in the paper, instead of a layer each."
+        hog_weight: f64 = 1.0, in 0.0..=10.0, needs Filters, is Ablation; "Energy of the HOG layer, 0 leaves it out; of the joint layer, the weight of its response (gamma of eq 6)."
+        colour_weight: f64 = 0.5, in 0.0..=10.0, needs Filters, is Ablation; "Energy of the colour-name layer, 0 leaves it out; separate layers only."
     }
 }
 
@@ -73,25 +72,26 @@ choice! {
 group! {
     /// Layers of a convolutional network.
     pub struct LcmhtCnn at "lcmht.cnn." {
-        enabled: bool = true; "Adds the outputs of a convolutional network to the layers."
-        file: String = "", @fixed; "ONNX file of the network; empty takes the embedded one, EfficientNet-Lite0 up to block 10."
-        side: i64 = 192, in 32..=1024, unit "px"; "Side of the network's input, to which the search window is resampled."
-        mean: Vec<f64> = vec![127.0; 3]; "What is taken from the intensities (0 to 255) of each input channel."
-        scale: Vec<f64> = vec![128.0; 3]; "What the intensities of each input channel are then divided by."
-        order: ChannelOrder = ChannelOrder::Rgb; "Order of the input channels."
-        outputs: Vec<String> = ["block4", "block10"].map(String::from); "Outputs of the network that become a layer each."
-        weights: Vec<f64> = [0.1, 0.2]; "Energy of each of these layers, 0 leaves one out; with a joint hand-crafted layer, the weight of its response (gamma of eq 6)."
-        components: Vec<i64> = [8, 32]; "Principal components of each of these layers that are kept; 0 keeps all channels as they are."
-        separate: bool = true; "Trains a masked filter on these layers alone, whose response is added to that of the hand-crafted ones; otherwise one filter is trained on all layers."
-        share: f64 = 0.2, in 0.0..=1.0; "Share of that filter's response."
-        regularisation: f64 = 0.2, in 1e-8..=10.0; "Weight of that filter's norm."
-        inference: Inference = Inference::Auto; "What runs the network."
-        library: String = "", @fixed; "ONNX Runtime's shared library; empty takes what ORT_DYLIB_PATH names, otherwise the system's."
-        threads: i64 = 1, in 1..=64; "Threads that run the network."
+        enabled: bool = true, needs Network, is Basic; "Adds the outputs of a convolutional network to the layers."
+        side: i64 = 192, in 32..=1024, unit "px", needs Network, is Basic; "Side of the network's input, to which the search window is resampled."
+        file: String = "", needs Restart; "ONNX file of the network; empty takes the embedded one, EfficientNet-Lite0 up to block 10."
+        mean: Vec<f64> = vec![127.0; 3], needs Network; "What is taken from the intensities (0 to 255) of each input channel."
+        scale: Vec<f64> = vec![128.0; 3], needs Network; "What the intensities of each input channel are then divided by."
+        order: ChannelOrder = ChannelOrder::Rgb, needs Network; "Order of the input channels."
+        outputs: Vec<String> = ["block4", "block10"].map(String::from), needs Network; "Outputs of the network that become a layer each."
+        weights: Vec<f64> = [0.1, 0.2], needs Filters; "Energy of each of these layers, 0 leaves one out; with a joint hand-crafted layer, the weight of its response (gamma of eq 6)."
+        components: Vec<i64> = [8, 32], needs Filters; "Principal components of each of these layers that are kept; 0 keeps all channels as they are."
+        inference: Inference = Inference::Auto, needs Runtime; "What runs the network."
+        library: String = "", needs Restart; "ONNX Runtime's shared library; empty takes what ORT_DYLIB_PATH names, otherwise the system's."
+        threads: i64 = 1, in 1..=64, needs Runtime; "Threads that run the network."
+        separate: bool = true, needs Filters, is Ablation; "Trains a masked filter on these layers alone, whose response is added to that of the hand-crafted ones; otherwise one filter is trained on all layers."
+        share: f64 = 0.2, in 0.0..=1.0, is Ablation; "Share of that filter's response."
+        regularisation: f64 = 0.2, in 1e-8..=10.0, needs Filters, is Ablation; "Weight of that filter's norm."
     }
 }
 
-/// What intensities may be reduced and divided by at most, and divided by at least: single precision holds what comes of it.
+/// What intensities may be reduced and divided by at most, and divided by at least: single precision holds what comes
+/// of it.
 const GREATEST_INPUT: f64 = 1e6;
 const LEAST_SCALE: f64 = 1e-6;
 /// Outputs of a network that may become layers.
@@ -100,6 +100,13 @@ const MOST_OUTPUTS: usize = 16;
 const WIDEST: i64 = 512;
 /// Channels of HOG and colour names.
 const HAND_CRAFTED: [i64; 2] = [31, 11];
+/// Principal components of HOG that are kept: half of its channels hold nearly all of its variance.
+pub(crate) const HOG_COMPONENTS: i64 = 16;
+/// Samples that a masked filter remembers, those of the first frame among them. With many altered looks it has room for
+/// more.
+pub(crate) const MEMORY: i64 = 20;
+/// Conjugate-gradient steps of an update with a later sample.
+pub(crate) const STEPS: usize = 3;
 /// Altered looks at the target in the first frame, with the true one: they are remembered beside the other samples.
 const LOOKS: i64 = 12;
 
@@ -146,110 +153,65 @@ impl LcmhtCnn {
 group! {
     /// The correlation filter.
     pub struct LcmhtFilter at "lcmht.filter." {
-        kind: FilterKind = FilterKind::Masked; "The correlation filter."
-        window: f64 = 4.0, in 1.5..=8.0, unit "target sizes"; "Side of the search window."
-        window_shape: WindowShape = WindowShape::Square; "Shape of the search window."
-        cells: i64 = 48, in 16..=96; "Cells along the longer side of the search window; windows that need fewer at 4 px a cell get fewer where the shape is that of the target."
-        label_sigma: f64 = 0.1, in 0.01..=1.0, unit "target sizes"; "Width of the Gaussian label (sigma of eq 1)."
-        regularisation: f64 = 0.05, in 1e-8..=10.0; "Weight of the filter's norm (lambda of eq 2); a separate filter of the network's layers has its own."
+        window: f64 = 4.0, in 1.5..=8.0, unit "target sizes", needs Filters, is Basic; "Side of the search window."
+        cells: i64 = 48, in 16..=96, needs Filters; "Cells along the longer side of the search window; windows that need fewer at 4 px a cell get fewer where the shape is that of the target."
         learning_rate: f64 = 0.03, in 0.0..=1.0; "Weight of a new sample (eta of eq 8)."
         interval: i64 = 2, in 1..=100, unit "frames"; "Frames from one update to the next."
-        mask: f64 = 1.2, in 0.5..=4.0, unit "target sizes"; "Side of the area that a masked filter is confined to."
-        memory: i64 = 20, in 2..=100; "Samples that a masked filter remembers, those of the first frame among them; there is room for one more than those at least."
-        first_weight: f64 = 0.1, in 0.0..=1.0; "Weight that the first sample of a masked filter never falls below."
-        steps: i64 = 3, in 1..=100; "Conjugate-gradient steps of an update of a masked filter."
-        recrop: bool = false; "Cuts the sample to learn anew around the position found, as the paper does, instead of shifting the one that was searched."
-        subcell: bool = true; "Refines the peak below a cell of the response map."
+        kind: FilterKind = FilterKind::Masked, needs Filters, is Ablation; "The correlation filter."
+        window_shape: WindowShape = WindowShape::Square, needs Filters, is Ablation; "Shape of the search window."
+        regularisation: f64 = 0.05, in 1e-8..=10.0, needs Filters, is Ablation; "Weight of the filter's norm (lambda of eq 2); a separate filter of the network's layers has its own."
+        recrop: bool = false, is Ablation; "Cuts the sample to learn anew around the position found, as the paper does, instead of shifting the one that was searched."
+        subcell: bool = true, is Ablation; "Refines the peak below a cell of the response map."
     }
 }
 
 group! {
     /// The scale filter.
     pub struct LcmhtScale at "lcmht.scale." {
-        enabled: bool = true; "Estimates the target's size by a scale filter; otherwise it stays as marked."
-        step: f64 = 1.02, in 1.001..=1.2; "Ratio of neighbouring scales."
-        area: f64 = 2048.0, in 64.0..=16384.0, unit "square px"; "Area of the crops that sizes are compared in: larger ones tell sizes apart more finely, and take longer."
+        enabled: bool = true, needs Scale, is Basic; "Estimates the target's size by a scale filter; otherwise it stays as marked."
         max_step: f64 = 0.1, in 0.0..=100.0, unit "target sizes a frame"; "Way of the target from one frame to the next beyond which it is blurred too much for its size to be told, and keeps that it had."
-        learning_rate: f64 = 0.025, in 0.0..=1.0; "Weight of a new sample."
+        area: f64 = 2048.0, in 64.0..=16384.0, unit "square px", needs Scale, is Ablation; "Area of the crops that sizes are compared in: larger ones tell sizes apart more finely, and take longer."
     }
 }
 
 group! {
     /// What is made of a response.
     pub struct LcmhtConfidence at "lcmht.confidence." {
-        relative: bool = true; "Measures responses in units of what the target usually gets; otherwise the thresholds are responses, as in the paper."
-        activate: f64 = 0.5, in 0.0..=10.0; "Response below which the target is uncertain and nothing is learned (T_ad)."
+        activate: f64 = 0.5, in 0.0..=10.0, is Basic; "Response below which the target is uncertain and nothing is learned (T_ad)."
+        lost: f64 = 0.35, in 0.0..=10.0, is Basic; "Mean response of uncertain frames below which the target is lost and re-detection begins."
+        patience: i64 = 5, in 0..=1000, unit "frames", is Basic; "Uncertain frames before the target can be lost."
         reacquire: f64 = 0.6, in 0.0..=10.0; "Response that a lost target must get where the detector proposes it; where it is expected, activate is enough."
         train: f64 = 0.6, in 0.0..=10.0; "Response above which the detector learns (T_td)."
-        lost: f64 = 0.35, in 0.0..=10.0; "Mean response of uncertain frames below which the target is lost and re-detection begins."
-        patience: i64 = 5, in 0..=1000, unit "frames"; "Uncertain frames before the target can be lost."
-        gate: bool = true; "Learns only while the target is certain; otherwise in every frame, as the paper's Algorithm 1."
-        calibrated: bool = true; "Reports as confidence how probable it is that the box overlaps the target by more than half; otherwise the response in units of what the target usually gets."
-        adapt: f64 = 0.05, in 0.0..=1.0; "Rate at which the usual response follows that of a frame."
+        relative: bool = true, is Ablation; "Measures responses in units of what the target usually gets; otherwise the thresholds are responses, as in the paper."
+        gate: bool = true, is Ablation; "Learns only while the target is certain; otherwise in every frame, as the paper's Algorithm 1."
+        calibrated: bool = true, is Ablation; "Reports as confidence how probable it is that the box overlaps the target by more than half; otherwise the response in units of what the target usually gets."
     }
 }
 
 group! {
     /// The constant-velocity model.
     pub struct LcmhtMotion at "lcmht.motion." {
-        enabled: bool = true; "Looks for the target where the motion model expects it; otherwise where it was, as in the paper."
-        form: MotionForm = MotionForm::Size; "What the model holds of a box. Lengths count in target sizes."
-        prior: f64 = 0.5, in 0.0..=1.0; "Share of a peak's rank that the distance from the expected position decides."
-        prior_min: f64 = 0.4, in 0.01..=10.0, unit "target sizes"; "Least width of that prior."
-        prior_max: f64 = 2.0, in 0.01..=10.0, unit "target sizes"; "Greatest width of that prior."
-        process_x: f64 = 0.0004, in 1e-12..=1e6; "Variance of the acceleration in x."
-        process_y: f64 = 0.0004, in 1e-12..=1e6; "Variance of the acceleration in y."
-        process_size_1: f64 = 0.0001, in 1e-12..=1e6; "Variance of the step (or acceleration) of the form's third quantity."
-        process_size_2: f64 = 0.0001, in 1e-12..=1e6; "Variance of the step (or acceleration) of the form's fourth quantity."
-        measured_x: f64 = 0.01, in 1e-12..=1e6; "Variance of a measured x."
-        measured_y: f64 = 0.01, in 1e-12..=1e6; "Variance of a measured y."
-        measured_size_1: f64 = 0.01, in 1e-12..=1e6; "Variance of the form's third measured quantity."
-        measured_size_2: f64 = 0.01, in 1e-12..=1e6; "Variance of the form's fourth measured quantity."
-    }
-}
-
-group! {
-    /// The GM-PHD filter.
-    pub struct LcmhtPhd at "lcmht.phd." {
-        survival: f64 = 0.99, in 0.0..=1.0; "Probability that a target goes on (p_s)."
-        detection: f64 = 0.95, in 0.0..=1.0; "Probability that a target is measured (p_D)."
-        clutter_rate: f64 = 4.0, in 0.0..=1000.0; "Mean number of false measurements in the image (lambda of eq 24)."
-        birth_weight: f64 = 0.01, in 1e-6..=1.0; "Weight of the component born at a measurement (eq 19)."
-        birth_velocity: f64 = 0.01, in 1e-12..=1e6; "Variance of a newborn's velocity, in squared target sizes a frame."
-        prune: f64 = 1e-5, in 0.0..=1.0; "Components of less weight are dropped."
-        merge: f64 = 4.0, in 0.0..=100.0; "Components closer than this (U) are merged."
-        max_components: i64 = 50, in 1..=1000; "Components that are kept, the heaviest first."
+        enabled: bool = true, is Ablation; "Looks for the target where the motion model expects it; otherwise where it was, as in the paper."
+        form: MotionForm = MotionForm::Size, needs Motion, is Ablation; "What the model holds of a box. Lengths count in target sizes."
+        prior_min: f64 = 0.4, in 0.01..=10.0, unit "target sizes", is Ablation; "Least width of the Gaussian by which a peak counts less the farther it is from where the target is expected."
+        prior_max: f64 = 2.0, in 0.01..=10.0, unit "target sizes", is Ablation; "Greatest width of that Gaussian."
     }
 }
 
 group! {
     /// The online support vector machine that re-detects.
     pub struct LcmhtSvm at "lcmht.svm." {
-        c: f64 = 2.0, in 1e-6..=1e6; "Price of a unit of hinge loss (C of eq 11)."
-        gamma: f64 = 1.0, in 1e-6..=1e6; "Of the Gaussian kernel."
-        max_support: i64 = 100, in 2..=1000; "Examples that are kept."
-        template_cells: i64 = 20, in 4..=200; "Cells of the template."
-        positive_iou: f64 = 0.9, in 0.5..=1.0; "Examples with at least this overlap are positive (delta_p)."
-        negative_iou: f64 = 0.3, in 0.0..=0.5; "Examples with less overlap are negative (delta_n)."
-        positives: i64 = 2, in 1..=50; "Positive examples a frame."
-        negatives_per_positive: i64 = 3, in 1..=20; "Negative examples for each."
-        learn_extent: f64 = 4.0, in 1.5..=10.0, unit "target sizes"; "Side of the area that negative examples come from."
-        scan_extent: f64 = 6.0, in 1.5..=16.0, unit "target sizes"; "Side of the area that is scanned for a lost target."
-        proposals: i64 = 5, in 1..=50; "Best places of a scan that go to the GM-PHD filter."
-        least_margin: f64 = 0.0, in -100.0..=100.0; "Margin below which a lost target is not taken up again, whatever its response."
+        scan_extent: f64 = 6.0, in 1.5..=16.0, unit "target sizes", is Basic; "Side of the area that is scanned for a lost target."
         opinion: f64 = 0.3, in 0.0..=10.0; "Share of the response that each unit of a negative margin takes away in every frame; 0 asks the detector only for a lost target, as the paper."
-        interval: i64 = 1, in 1..=1000; "Updates of the filter from one training of the detector to the next."
+        least_margin: f64 = 0.0, in -100.0..=100.0, is Ablation; "Margin below which a lost target is not taken up again, whatever its response."
+        interval: i64 = 1, in 1..=1000, is Ablation; "Updates of the filter from one training of the detector to the next."
     }
 }
 
 group! {
     /// Altered looks at the target in the first frame.
     pub struct LcmhtAugment at "lcmht.augment." {
-        enabled: bool = true; "Trains a masked filter on altered looks at the target in the first frame as well, which weigh as much as the true one."
-        blur: f64 = 0.07, in 0.0..=1.0, unit "target sizes"; "How far a blurred look is blurred to either side, once across and once down; 0 leaves these looks out."
-        scale: f64 = 1.1, in 1.0..=2.0; "How much larger, and smaller, than it is the target looks; 1 leaves these looks out."
-        mirror: bool = true; "A separate filter of the network's layers learns the mirrored target as well."
-        turn: f64 = 20.0, in 0.0..=180.0, unit "deg"; "How far the target is turned, by the whole of it and by half of it to either side, in looks that a separate filter of the network's layers learns as well; 0 leaves these looks out."
+        enabled: bool = true, needs Filters, is Ablation; "Trains a masked filter on altered looks at the target in the first frame as well, which weigh as much as the true one."
     }
 }
 
@@ -257,19 +219,13 @@ group! {
     /// Search windows that turn with the target.
     pub struct LcmhtTurn at "lcmht.turn." {
         enabled: bool = true; "Looks for a target that answers poorly in pictures turned to either side as well, and goes on with that in which it answers better; otherwise the picture stays as it is."
-        step: f64 = 20.0, in 1.0..=90.0, unit "deg"; "How far the picture is turned at a time."
-        below: f64 = 0.8, in 0.0..=10.0; "Response, measured as for the states, below which turned pictures are looked at."
-        gain: f64 = 1.25, in 1.0..=10.0; "How many times as well a target must answer in a turned picture."
-        aspect: f64 = 1.5, in 1.0..=100.0; "Ratio of the longer side of a target to the shorter one above which its picture stays as it is."
     }
 }
 
 group! {
     /// What looks like the target and is not.
     pub struct LcmhtNeighbours at "lcmht.neighbours." {
-        enabled: bool = true; "Follows what looks like the target as well, so that a peak which it explains is not taken for the target."
-        response: f64 = 0.3, in 0.05..=10.0; "Response above which a second peak is taken for a neighbour, in units of what the target usually gets."
-        width: f64 = 0.25, in 0.01..=2.0, unit "target sizes"; "Standard deviation of a neighbour's position from where it is expected."
+        enabled: bool = true, is Ablation; "Follows what looks like the target as well, so that a peak which it explains is not taken for the target."
     }
 }
 
@@ -294,8 +250,6 @@ groups! {
         neighbours: LcmhtNeighbours,
         /// The constant-velocity model.
         motion: LcmhtMotion,
-        /// The GM-PHD filter.
-        phd: LcmhtPhd,
         /// The online support vector machine.
         svm: LcmhtSvm,
     }
@@ -304,13 +258,12 @@ groups! {
 impl LcmhtParams {
     /// About how many values the samples of a target have, all channels and bins together.
     pub(super) fn sample_values(&self) -> f64 {
-        let LcmhtLayers { joint, hog_components, .. } = self.layers;
         let [hog, colours] = HAND_CRAFTED;
-        let hand_crafted = if joint { hog } else { hog_components } + colours;
+        let hand_crafted = if self.layers.joint { hog } else { HOG_COMPONENTS } + colours;
         let kept = |&components: &i64| if components == 0 { WIDEST } else { components.min(WIDEST) };
         let network: i64 = if self.cnn.enabled { self.cnn.components.iter().map(kept).sum() } else { 0 };
         let samples = match self.filter.kind {
-            FilterKind::Masked => self.filter.memory + LOOKS,
+            FilterKind::Masked => MEMORY + LOOKS,
             FilterKind::Kernelised => 2,
         };
         // The transform of real values has half as many bins as there are cells, and a column.
@@ -327,7 +280,8 @@ impl LcmhtParams {
             return Ok(());
         }
         Err(ParamsError::Conflict(format!(
-            "no layer is left: lcmht.layers.joint is {joint}, .hog_weight {hog_weight} and .colour_weight {colour_weight}, \
+            "no layer is left: lcmht.layers.joint is {joint}, .hog_weight {hog_weight} and .colour_weight \
+             {colour_weight}, \
              lcmht.cnn.enabled {} and .weights {:?}",
             self.cnn.enabled, self.cnn.weights
         )))

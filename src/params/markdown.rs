@@ -2,27 +2,45 @@
 
 use std::fmt::Write as _;
 
-use super::{Descriptor, descriptors};
+use super::{Descriptor, Need, Tier, descriptors};
 
-/// A Markdown table of all parameters, in the order of the table of parameters.
+/// A Markdown table of the parameters of each tier, in the order of the table of parameters, with what the words mean
+/// that say what a change needs.
 pub fn markdown() -> String {
-    let mut text = String::from(
-        "| parameter | type | default | allowed | live | meaning |\n\
-         |---|---|---|---|---|---|\n",
-    );
-    for d in descriptors() {
+    let mut text = String::from("What becomes of a change while the program runs:\n\n");
+    for need in Need::ALL {
+        let _ = writeln!(text, "* *{}*: it {}.", need.name(), need.about());
+    }
+    for tier in Tier::ALL {
+        let of_tier: Vec<_> = descriptors().iter().filter(|d| d.tier == tier).collect();
         let _ = writeln!(
             text,
-            "| `{}` | {} | `{}` | {} | {} | {} |",
-            d.name,
-            d.default.kind().name(),
-            d.default,
-            allowed(d),
-            if d.live { "yes" } else { "no" },
-            d.description.replace('|', "\\|")
+            "\n### {}: {}\n\n{} parameters.\n\n| parameter | type | default | allowed | a change | meaning |\n\
+             |---|---|---|---|---|---|",
+            capitalised(tier.name()),
+            tier.about(),
+            of_tier.len()
         );
+        of_tier.into_iter().for_each(|d| text.push_str(&row(d)));
     }
     text
+}
+
+fn row(d: &Descriptor) -> String {
+    format!(
+        "| `{}` | {} | `{}` | {} | {} | {} |\n",
+        d.name,
+        d.default.kind().name(),
+        d.default,
+        allowed(d),
+        d.need.name(),
+        d.description.replace('|', "\\|")
+    )
+}
+
+fn capitalised(word: &str) -> String {
+    let mut letters = word.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// The range with its unit, or the choices.

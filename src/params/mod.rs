@@ -1,19 +1,23 @@
 //! Parameters: the one table, checked changes, and files.
 //!
-//! [`Params`] is a plain struct; everything else about a parameter (type, range, unit, description, whether it
-//! may change while the program runs) is in its [`Descriptor`]. Both come from the same rows, in `schema.rs`,
+//! [`Params`] is a plain struct; everything else about a parameter (type, range, unit, description, what a change
+//! of it needs) is in its [`Descriptor`]. Both come from the same rows, in `schema.rs`,
 //! `lcmht.rs`, `etepf.rs` and `maptrack.rs`.
 //! A change is checked as a whole and makes a new set, or is refused as a whole: [`Params::with`].
 
 mod bounds;
 mod etepf;
+mod gone;
 mod lcmht;
 mod maptrack;
 mod markdown;
+mod need;
 mod node_name;
+mod order;
 mod rcl;
 mod schema;
 mod table;
+mod tier;
 mod value;
 mod yaml;
 
@@ -23,11 +27,13 @@ pub use etepf::*;
 pub use lcmht::*;
 pub use maptrack::*;
 pub use markdown::markdown;
+pub use need::Need;
 pub use node_name::NodeName;
 pub use rcl::{Origin, Override, Overrides, Place};
 pub use schema::*;
-use table::Group;
-pub use value::{Descriptor, Kind, Range, Value};
+pub(crate) use table::Group;
+pub use tier::Tier;
+pub use value::{Descriptor, Range, Value, ValueKind};
 pub use yaml::{Assignment, assignment, file, preset};
 
 use crate::error::ParamsError;
@@ -35,10 +41,12 @@ use crate::error::ParamsError;
 static DESCRIPTORS: LazyLock<Vec<Descriptor>> = LazyLock::new(|| {
     let mut all = Vec::new();
     Params::describe(&mut all);
+    // Stable: within a tier, the order of the table.
+    all.sort_by_key(|d| d.tier);
     all
 });
 
-/// Every parameter, in the order of the table.
+/// Every parameter: those that are met first in front, those for ablation last, otherwise in the order of the table.
 pub fn descriptors() -> &'static [Descriptor] {
     &DESCRIPTORS
 }
@@ -109,7 +117,7 @@ impl Params {
         {
             return Err(ParamsError::Choice { name, choices: descriptor.choices.join(", "), got: got.clone() });
         }
-        if phase == Phase::Running && !descriptor.live && self.get(&name).as_ref() != Some(&value) {
+        if phase == Phase::Running && descriptor.need == Need::Restart && self.get(&name).as_ref() != Some(&value) {
             return Err(ParamsError::ReadOnly { name });
         }
         let stored = self.put(&name, &value);
@@ -119,10 +127,10 @@ impl Params {
 }
 
 /// YAML writes `1` where a double is meant.
-fn widened(value: &Value, kind: Kind) -> Value {
+fn widened(value: &Value, kind: ValueKind) -> Value {
     match (value, kind) {
-        (Value::Integer(v), Kind::Double) => Value::Double(*v as f64),
-        (Value::IntegerArray(v), Kind::DoubleArray) => Value::DoubleArray(v.iter().map(|&v| v as f64).collect()),
+        (Value::Integer(v), ValueKind::Double) => Value::Double(*v as f64),
+        (Value::IntegerArray(v), ValueKind::DoubleArray) => Value::DoubleArray(v.iter().map(|&v| v as f64).collect()),
         _ => value.clone(),
     }
 }
@@ -136,8 +144,11 @@ fn brief(name: &str) -> String {
     }
 }
 
-/// The error for a name that no parameter bears, with the closest name there is.
+/// The error for a name that no parameter bears, with what became of it or the closest name there is.
 pub fn unknown(name: &str) -> ParamsError {
+    if let Some(value) = gone::constant(name) {
+        return ParamsError::Unknown { name: name.to_owned(), hint: format!("; it is a constant now: {value}") };
+    }
     let name = &*brief(name);
     let shared = |a: &str, b: &str| {
         let ends = a.bytes().zip(b.bytes()).take_while(|(x, y)| x == y).count();
@@ -167,7 +178,7 @@ mod tests {
             assert_eq!(params.get(d.name).as_ref(), Some(&d.default), "{}", d.name);
             assert!(!d.description.is_empty(), "{}", d.name);
             assert!(d.range.is_none_or(|r| r.contains(&d.default)), "{}", d.name);
-            let number = matches!(d.default.kind(), Kind::Integer | Kind::Double);
+            let number = matches!(d.default.kind(), ValueKind::Integer | ValueKind::Double);
             assert!(!number || d.range.is_some(), "{} has no range", d.name);
         }
         let mut names: Vec<_> = descriptors().iter().map(|d| d.name).collect();

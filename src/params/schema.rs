@@ -1,5 +1,5 @@
-//! The table of parameters, group by group. A row is name, type, default, range, unit, whether it is fixed once
-//! the program runs, and one sentence.
+//! The table of parameters, group by group. A row is name, type, default, range, unit, what a change of it needs,
+//! who meets it, and one sentence.
 
 use super::etepf::EtepfParams;
 use super::lcmht::LcmhtParams;
@@ -33,10 +33,10 @@ choice! {
 group! {
     /// What all trackers and ends share.
     pub struct General at "" {
-        algorithm: Algorithm = Algorithm::Lcmht, @fixed; "The tracker that follows the target."
-        image_transport: ImageTransport = ImageTransport::Raw, @fixed; "How images arrive: on `image` as they are, or on `image/compressed` as JPEG or PNG."
-        max_targets: i64 = 1, in 1..=64; "Targets that are followed at the same time. With 1, a new mark takes the place of the last; with more, it adds a target until there are as many. Targets that are found without a mark do not count."
-        seed: i64 = 0, in 0..=i64::MAX, @fixed; "Seed of every random choice; the same seed gives the same boxes."
+        algorithm: Algorithm = Algorithm::Lcmht, needs Restart, is Basic; "The tracker that follows the target."
+        image_transport: ImageTransport = ImageTransport::Raw, needs Restart, is Basic; "How images arrive: on `image` as they are, or on `image/compressed` as JPEG or PNG."
+        max_targets: i64 = 1, in 1..=64, is Basic; "Targets that are followed at the same time. With 1, a new mark takes the place of the last; with more, it adds a target until there are as many. Targets that are found without a mark do not count."
+        seed: i64 = 0, in 0..=i64::MAX, needs Restart; "Seed of every random choice; the same seed gives the same boxes."
     }
 }
 
@@ -58,7 +58,7 @@ impl LevelParams {
 
 group! {
     /// Frames that are kept, so that a mark may name one that has passed.
-    pub struct History at "history." {
+    pub struct HistoryParams at "history." {
         frames: i64 = 30, in 0..=1000; "Frames that are kept for marks on `~/init_detection`, which may name one of them; 0 keeps none."
         megabytes: i64 = 64, in 1..=4096, unit "MB"; "Memory that the kept frames may take; the oldest go first."
     }
@@ -67,10 +67,10 @@ group! {
 group! {
     /// What images, messages, files and the process may take. A peer cannot raise these: they are fixed at the start.
     pub struct Limits at "limits." {
-        image_mb: i64 = 300, in 1..=65536, unit "MB", @fixed; "Largest image that is decoded, by the size of its pixels in memory; the default fits 8K with four channels of 16 bits."
-        message_mb: i64 = 320, in 1..=65536, unit "MB", @fixed; "Largest message of a recording, decompressed."
-        file_mb: i64 = 512, in 1..=65536, unit "MB", @fixed; "Largest network file that is loaded."
-        memory_mb: i64 = 4096, in 64..=1048576, unit "MB", @fixed; "Resident memory above which the node ends itself, with an error that says so."
+        image_mb: i64 = 300, in 1..=65536, unit "MB", needs Restart; "Largest image that is decoded, by the size of its pixels in memory; the default fits 8K with four channels of 16 bits."
+        message_mb: i64 = 320, in 1..=65536, unit "MB", needs Restart; "Largest message of a recording, decompressed."
+        file_mb: i64 = 512, in 1..=65536, unit "MB", needs Restart; "Largest network file that is loaded."
+        memory_mb: i64 = 4096, in 64..=1048576, unit "MB", needs Restart; "Resident memory above which the node ends itself, with an error that says so."
     }
 }
 
@@ -113,7 +113,7 @@ groups! {
         /// How images of 16 bits are read.
         levels: LevelParams,
         /// Frames that are kept.
-        history: History,
+        history: HistoryParams,
         /// What images, messages, files and the process may take.
         limits: Limits,
         /// Debug images.
@@ -134,6 +134,7 @@ impl Params {
         if black == white {
             return Err(ParamsError::Conflict(format!("levels.black and levels.white are both {black}")));
         }
-        self.lcmht.check()
+        self.lcmht.check()?;
+        self.check_order()
     }
 }

@@ -1,25 +1,33 @@
 //! The macros that turn one table of parameters into a struct, its defaults, its descriptors and its access
 //! by name.
 
+use super::need::Need;
 use super::value::{Descriptor, Value};
 
 /// A set of parameters that can be reached by name. Made by [`group!`] and [`groups!`].
-pub(super) trait Group {
+pub(crate) trait Group {
     /// Adds the descriptor of each parameter, in the order of the table.
     fn describe(out: &mut Vec<Descriptor>);
     /// The present value of the parameter.
     fn get(&self, name: &str) -> Option<Value>;
     /// Stores a value of the right type. `None`: no such parameter here; `Some(false)`: another type or choice.
     fn put(&mut self, name: &str, value: &Value) -> Option<bool>;
+    /// Whether a parameter whose change needs this differs from that of `other`.
+    fn differs(&self, other: &Self, need: Need) -> bool;
+    /// Takes from `made` each parameter whose change waits: this set is then what is in force until it has been made
+    /// anew.
+    fn keep(&mut self, made: &Self);
 }
 
-/// One group: each row is `field: type = default, [range,] ["unit",] [@fixed,] "description";`.
+/// One group: each row is `field: type = default, [in range,] [unit "unit",] [needs Need,] [is Tier;] "description";`.
+/// What names no [`Need`](super::Need) needs nothing; what names no [`Tier`](super::Tier) is advanced.
 macro_rules! group {
     (
         $(#[$meta:meta])*
         pub struct $name:ident at $prefix:literal {
             $($field:ident : $ty:ty = $default:expr
-                $(, in $range:expr)? $(, unit $unit:literal)? $(, @ $fixed:ident)? ; $doc:literal)*
+                $(, in $range:expr)? $(, unit $unit:literal)? $(, needs $need:ident)? $(, is $tier:ident)?
+                ; $doc:literal)*
         }
     ) => {
         $(#[$meta])*
@@ -44,7 +52,8 @@ macro_rules! group {
                     choices: <$ty as $crate::params::value::Stored>::CHOICES,
                     unit: concat!($($unit)?),
                     description: $doc,
-                    live: concat!($(stringify!($fixed))?).is_empty(),
+                    need: group!(@need $($need)?),
+                    tier: group!(@tier $($tier)?),
                 });)*
             }
 
@@ -66,8 +75,22 @@ macro_rules! group {
                     _ => None,
                 }
             }
+
+            fn differs(&self, other: &Self, need: $crate::params::Need) -> bool {
+                false $(|| (group!(@need $($need)?) == need && self.$field != other.$field))*
+            }
+
+            fn keep(&mut self, made: &Self) {
+                $(if group!(@need $($need)?).waits() {
+                    self.$field = made.$field.clone();
+                })*
+            }
         }
     };
+    (@need) => { $crate::params::Need::Nothing };
+    (@need $need:ident) => { $crate::params::Need::$need };
+    (@tier) => { $crate::params::Tier::Advanced };
+    (@tier $tier:ident) => { $crate::params::Tier::$tier };
     (@range) => { None };
     (@range $range:expr) => { Some($crate::params::Range::from($range)) };
 }
@@ -97,6 +120,14 @@ macro_rules! groups {
 
             fn put(&mut self, name: &str, value: &$crate::params::Value) -> Option<bool> {
                 None$(.or_else(|| self.$field.put(name, value)))*
+            }
+
+            fn differs(&self, other: &Self, need: $crate::params::Need) -> bool {
+                false $(|| self.$field.differs(&other.$field, need))*
+            }
+
+            fn keep(&mut self, made: &Self) {
+                $(self.$field.keep(&made.$field);)*
             }
         }
     };

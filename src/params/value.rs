@@ -2,6 +2,9 @@
 
 use std::fmt;
 
+use super::need::Need;
+use super::tier::Tier;
+
 /// The value of a parameter, of one of the types that ROS 2 knows.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
@@ -25,16 +28,16 @@ pub enum Value {
 
 impl Value {
     /// The type's name as messages and tables give it.
-    pub const fn kind(&self) -> Kind {
+    pub const fn kind(&self) -> ValueKind {
         match self {
-            Self::Bool(_) => Kind::Bool,
-            Self::Integer(_) => Kind::Integer,
-            Self::Double(_) => Kind::Double,
-            Self::String(_) => Kind::String,
-            Self::BoolArray(_) => Kind::BoolArray,
-            Self::IntegerArray(_) => Kind::IntegerArray,
-            Self::DoubleArray(_) => Kind::DoubleArray,
-            Self::StringArray(_) => Kind::StringArray,
+            Self::Bool(_) => ValueKind::Bool,
+            Self::Integer(_) => ValueKind::Integer,
+            Self::Double(_) => ValueKind::Double,
+            Self::String(_) => ValueKind::String,
+            Self::BoolArray(_) => ValueKind::BoolArray,
+            Self::IntegerArray(_) => ValueKind::IntegerArray,
+            Self::DoubleArray(_) => ValueKind::DoubleArray,
+            Self::StringArray(_) => ValueKind::StringArray,
         }
     }
 
@@ -108,7 +111,7 @@ fn double(v: &f64) -> String {
 /// The type of a parameter; the discriminants are those of `rcl_interfaces/msg/ParameterType`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
-pub enum Kind {
+pub enum ValueKind {
     /// See [`Value::Bool`].
     Bool = 1,
     /// See [`Value::Integer`].
@@ -127,7 +130,7 @@ pub enum Kind {
     StringArray = 9,
 }
 
-impl Kind {
+impl ValueKind {
     /// The name in messages and tables.
     pub const fn name(self) -> &'static str {
         match self {
@@ -199,8 +202,10 @@ pub struct Descriptor {
     pub unit: &'static str,
     /// What it does, in one sentence.
     pub description: &'static str,
-    /// Whether it may change while the program runs.
-    pub live: bool,
+    /// What a change needs before it has effect.
+    pub need: Need,
+    /// Who meets it.
+    pub tier: Tier,
 }
 
 /// A Rust type that a parameter can be stored as.

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::node_name::NodeName;
 use super::rcl::{Overrides, PARAMETERS_KEY};
 use super::value::Value;
-use super::{Params, descriptors};
+use super::{Group as _, Need, Params, Tier};
 use crate::error::ParamsError;
 
 /// A parameter's name and the value it is to take.
@@ -33,7 +33,9 @@ pub fn file(path: &Path, node: &NodeName) -> Result<Vec<Assignment>, ParamsError
 pub fn preset(params: &Params, title: &str) -> String {
     let mut text = format!("# {title}\n/**:\n  {PARAMETERS_KEY}:\n");
     let mut open: Vec<&str> = Vec::new();
-    for d in descriptors() {
+    let mut all = Vec::new();
+    Params::describe(&mut all);
+    for d in &all {
         let mut groups: Vec<&str> = d.name.split('.').collect();
         let Some(leaf) = groups.pop() else { continue };
         let shared = open.iter().zip(&groups).take_while(|(a, b)| a == b).count();
@@ -50,7 +52,7 @@ pub fn preset(params: &Params, title: &str) -> String {
     text
 }
 
-/// What a reader must know besides the description: ` (range, unit, fixed)`.
+/// What a reader must know besides the description: ` [range, unit, what a change needs, ablation]`.
 fn about(d: &super::Descriptor) -> String {
     let mut notes: Vec<String> = d.range.iter().map(ToString::to_string).collect();
     if !d.choices.is_empty() {
@@ -59,8 +61,11 @@ fn about(d: &super::Descriptor) -> String {
     if !d.unit.is_empty() {
         notes.push(d.unit.to_owned());
     }
-    if !d.live {
-        notes.push("read-only".to_owned());
+    if d.need != Need::Nothing {
+        notes.push(d.need.name().to_owned());
+    }
+    if d.tier == Tier::Ablation {
+        notes.push(d.tier.name().to_owned());
     }
     if notes.is_empty() { String::new() } else { format!(" [{}]", notes.join(", ")) }
 }
@@ -69,7 +74,7 @@ fn about(d: &super::Descriptor) -> String {
 mod tests {
     use std::io::Write as _;
 
-    use super::super::Phase;
+    use super::super::{Phase, descriptors};
     use super::*;
 
     fn node(namespace: &str, name: &str) -> NodeName {
@@ -79,8 +84,11 @@ mod tests {
     #[test]
     fn a_file_gives_its_node_each_parameter_once() {
         let mut text = tempfile::NamedTempFile::new().unwrap();
-        text.write_all(b"/**: {ros__parameters: {seed: 4, debug: {max_side: 100}}}\nrobot: {tracker: {ros__parameters: {seed: 5}}}\n")
-            .unwrap();
+        text.write_all(
+            b"/**: {ros__parameters: {seed: 4, debug: {max_side: 100}}}\n\
+                         robot: {tracker: {ros__parameters: {seed: 5}}}\n",
+        )
+        .unwrap();
         let got = file(text.path(), &node("/robot", "tracker")).unwrap();
         let want = [("seed", 5), ("debug.max_side", 100)].map(|(n, v)| (n.to_owned(), Value::Integer(v)));
         assert_eq!(got, want);

@@ -1,9 +1,9 @@
 //! A rosbag2 recording as a source of frames: a folder with `metadata.yaml` and the files it names, or one such file.
 //!
-//! [`metadata`] says which files there are, [`mcap`] and [`sqlite`] read one, [`topics`] chooses whose images are wanted.
-//! Files follow each other as `metadata.yaml` lists them, or without it by the times of their first messages, and messages
-//! within a file by the time at which they were recorded, which is how rosbag2 plays them. A message that is compressed by
-//! itself tells so by its first bytes, which no plain message has.
+//! [`metadata`] says which files there are, [`mcap`] and [`sqlite`] read one, [`topics`] chooses whose images are
+//! wanted. Files follow each other as `metadata.yaml` lists them, or without it by the times of their first messages,
+//! and messages within a file by the time at which they were recorded, which is how rosbag2 plays them. A message that
+//! is compressed by itself tells so by its first bytes, which no plain message has.
 
 mod inflate;
 pub mod mcap;
@@ -16,19 +16,24 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
+pub use self::inflate::InflateError;
 use self::metadata::Metadata;
 use self::topics::Choice;
 pub use self::topics::{Picture, TopicInfo};
 use super::other::{self, Other};
 use super::truth::FILE_NAME;
 use super::{FrameSource, Origin, ReplayError, folder};
+use crate::decode::DecodeError;
+use crate::error::FrameError;
 use crate::file;
 use crate::frame::FrameBuffer;
-use crate::messages::{CompressedImage, Header, Image, Topic, cdr, convert};
+use crate::messages::cdr::{self, CdrError};
+use crate::messages::{CompressedImage, Header, Image, Topic, convert};
 use crate::params::Limits;
 
 /// Why a bag, or a message in it, cannot be read. Each message names the file.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum BagError {
     /// The file system refuses.
     #[error("{}: {source}", path.display())]
@@ -70,8 +75,26 @@ pub enum BagError {
     #[error("{}: no message on '{topic}'", path.display())]
     Empty { path: PathBuf, topic: String },
     /// A message does not give a frame.
-    #[error("{}: message on '{topic}' at {}.{:09} s: {why}", path.display(), time / NANOS, time % NANOS)]
-    Message { path: PathBuf, topic: String, time: u64, why: String },
+    #[error("{}: message on '{topic}' at {}.{:09} s: {source}", path.display(), time / NANOS, time % NANOS)]
+    Message { path: PathBuf, topic: String, time: u64, source: Box<MessageError> },
+}
+
+/// Why a message does not give a frame.
+#[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
+pub enum MessageError {
+    /// It is compressed by itself and cannot be read.
+    #[error(transparent)]
+    Inflate(#[from] InflateError),
+    /// It is not of its type.
+    #[error(transparent)]
+    Cdr(#[from] CdrError),
+    /// Its fields do not fit its pixels.
+    #[error(transparent)]
+    Raw(#[from] FrameError),
+    /// The image in it cannot be decoded.
+    #[error("format '{format}' {source}")]
+    Compressed { format: String, source: DecodeError },
 }
 
 /// How a Zstandard frame begins. Plain CDR begins with a zero.
@@ -97,6 +120,7 @@ pub trait Messages: Send {
 /// What was recorded in a file.
 #[derive(Debug, Default)]
 pub struct Contents {
+    /// The topics that it names.
     pub topics: Vec<TopicInfo>,
     /// The times of the first and the last message; `None` where there is none.
     pub span: Option<(u64, u64)>,
@@ -106,14 +130,14 @@ pub struct Contents {
 
 /// What a file of a bag is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum BagKind {
     /// MCAP, the default of rosbag2.
     Mcap,
     /// An SQLite database, the default until ROS 2 Iron.
     Sqlite,
 }
 
-impl Kind {
+impl BagKind {
     /// What the first bytes of a file say; `None` for other files.
     fn of(path: &Path) -> std::io::Result<Option<Self>> {
         const LONGEST: u64 = sqlite::MAGIC.len() as u64;
@@ -151,10 +175,11 @@ pub fn is_named_as_bag(path: &Path) -> bool {
     path.is_file() && (is(path) || other::suffix(path) == metadata::ZSTD_SUFFIX && is(&path.with_extension("")))
 }
 
-/// Whether the path is meant as a bag: a file that is one, or a folder with `metadata.yaml` or with recordings and no images.
+/// Whether the path is meant as a bag: a file that is one, or a folder with `metadata.yaml` or with recordings and no
+/// images.
 pub fn is_bag(path: &Path) -> Result<bool, ReplayError> {
     if !path.is_dir() {
-        return Ok(path.is_file() && matches!(Kind::of(path), Ok(Some(_))));
+        return Ok(path.is_file() && matches!(BagKind::of(path), Ok(Some(_))));
     }
     let is_bag = path.join(metadata::FILE_NAME).is_file();
     Ok(is_bag || (!metadata::recordings(path)?.is_empty() && !folder::has_images(path)?))
@@ -166,7 +191,7 @@ pub struct Bag {
     path: PathBuf,
     topic: String,
     picture: Picture,
-    files: std::vec::IntoIter<(PathBuf, Kind)>,
+    files: std::vec::IntoIter<(PathBuf, BagKind)>,
     current: Option<(PathBuf, Box<dyn Messages>)>,
     remaining: usize,
     message: Recorded,
@@ -184,7 +209,7 @@ impl Bag {
         let several = files.len() > 1;
         for file in files {
             let failed = |source| BagError::Io { path: file.clone(), source };
-            match Kind::of(&file).map_err(failed)? {
+            match BagKind::of(&file).map_err(failed)? {
                 Some(kind) => {
                     let contents = kind.contents(&file, limits)?;
                     notes.extend(contents.note.as_ref().map(|note| format!("{}: {note}", file.display())));
@@ -242,7 +267,7 @@ impl Bag {
     }
 
     /// The frame in the message that was read last.
-    fn frame(&mut self) -> Result<FrameBuffer, String> {
+    fn frame(&mut self) -> Result<FrameBuffer, MessageError> {
         if self.message.bytes.starts_with(COMPRESSED) {
             let most = usize::try_from(self.limits.message_bytes()).unwrap_or(usize::MAX);
             self.message.bytes = inflate::zstd(&self.message.bytes, most)?;
@@ -251,32 +276,31 @@ impl Bag {
             Picture::Raw => {
                 let image: Image = self.message()?;
                 self.header = image.header.clone();
-                convert::raw(image).map_err(|e| e.to_string())
+                Ok(convert::raw(image)?)
             }
             Picture::Compressed => {
                 let image: CompressedImage = self.message()?;
-                let frame = convert::compressed(&image, self.limits.image_bytes())
-                    .map_err(|e| format!("format '{}' {e}", image.format));
+                let frame = convert::compressed(&image, self.limits.image_bytes());
                 self.header = image.header;
-                frame
+                frame.map_err(|source| MessageError::Compressed { format: image.format, source })
             }
         }
     }
 
-    fn message<T: Topic + DeserializeOwned>(&self) -> Result<T, String> {
-        cdr::decode(&self.message.bytes).map_err(|e| e.to_string())
+    fn message<T: Topic + DeserializeOwned>(&self) -> Result<T, CdrError> {
+        cdr::decode(&self.message.bytes)
     }
 }
 
 /// A file of a bag that has been looked at.
 struct Part {
     file: PathBuf,
-    kind: Kind,
+    kind: BagKind,
     contents: Contents,
 }
 
-/// Puts files that nobody has listed into the order of their first messages; those without messages stay behind. Gives what
-/// to say of it.
+/// Puts files that nobody has listed into the order of their first messages; those without messages stay behind. Gives
+/// what to say of it.
 fn by_time(parts: &mut [Part]) -> String {
     let name = |part: &Part| part.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let named: Vec<_> = parts.iter().map(name).collect();
@@ -306,9 +330,10 @@ impl FrameSource for Bag {
             return Ok(None);
         }
         self.remaining = self.remaining.saturating_sub(1);
-        self.frame().map(Some).map_err(|why| {
+        self.frame().map(Some).map_err(|source| {
             let path = self.current.as_ref().map_or(&self.path, |(path, _)| path).clone();
-            BagError::Message { path, topic: self.topic.clone(), time: self.message.log_time, why }.into()
+            BagError::Message { path, topic: self.topic.clone(), time: self.message.log_time, source: source.into() }
+                .into()
         })
     }
 

@@ -136,8 +136,8 @@ fn load(path: &Path, most: u64) -> Result<Vec<u8>, ReplayError> {
     }
 }
 
-/// What a file links to in writing, relative to its folder: archives and file systems without symbolic links keep such a
-/// link as a small file that holds the path.
+/// What a file links to in writing, relative to its folder: archives and file systems without symbolic links keep such
+/// a link as a small file that holds the path.
 fn link(bytes: &[u8]) -> Option<&str> {
     let text = (bytes.len() as u64 <= MAX_LINK).then(|| std::str::from_utf8(bytes).ok()).flatten()?.trim();
     (!text.is_empty() && !text.contains(char::is_control)).then_some(text)

@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 use self::bag::{BagError, Picture};
 use self::other::Other;
+use self::truth::BoxError;
 use crate::decode::DecodeError;
 pub use crate::frame::FrameBuffer;
 use crate::messages::Header;
@@ -21,6 +22,7 @@ use crate::params::Limits;
 
 /// Why recorded frames or boxes cannot be read. Each message names the file.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum ReplayError {
     /// There is nothing at the path.
     #[error("{}: no such file or folder", .0.display())]
@@ -44,8 +46,8 @@ pub enum ReplayError {
     #[error(transparent)]
     Bag(#[from] BagError),
     /// A row of a file of boxes that is none.
-    #[error("{}, line {line}: '{text}' is no box: {why}", path.display())]
-    Box { path: PathBuf, line: usize, text: String, why: String },
+    #[error("{}, line {line}: '{text}' is no box: {source}", path.display())]
+    Box { path: PathBuf, line: usize, text: String, source: BoxError },
 }
 
 /// Frames in the order in which they were taken.
@@ -75,6 +77,7 @@ pub trait FrameSource: Send {
 
 /// What a frame was read from.
 #[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "its doc names the fields")]
 pub enum Origin<'a> {
     /// The bytes of an image file.
     File(&'a [u8]),

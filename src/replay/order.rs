@@ -8,12 +8,12 @@
 //! | decimals | `0.1` after `0.067`, as programs name files by `time.time()` | lengths differ, and no fraction ends in a zero |
 //! | whole numbers | `1.10` after `1.9`, or seconds and nanoseconds | none begins with a zero, unless all are filled up to one length |
 //!
-//! Where both can be meant, or neither fits, the reading whose numbers are spaced more evenly is taken, decimals if that
-//! tells nothing; a note says so. Fractions of one length have one order only, and there is no question.
-//! A comma counts as a dot. `_` and `-` between two numbers separate whole numbers, unless what follows can only be decimals
-//! (`1700000000_0333`, `1700000000_1`). Of several dots in a row (`10.11.12.5`) the last may begin a fraction.
-//! `1e-05` is a number too. A `-` before a number, at the start of a name or after `_`, `=`, `(` or a space, is a minus where other
-//! names have none at that place.
+//! Where both can be meant, or neither fits, the reading whose numbers are spaced more evenly is taken, decimals if
+//! that tells nothing; a note says so. Fractions of one length have one order only, and there is no question.
+//! A comma counts as a dot. `_` and `-` between two numbers separate whole numbers, unless what follows can only be
+//! decimals (`1700000000_0333`, `1700000000_1`). Of several dots in a row (`10.11.12.5`) the last may begin a fraction.
+//! `1e-05` is a number too. A `-` before a number, at the start of a name or after `_`, `=`, `(` or a space, is a minus
+//! where other names have none at that place.
 
 mod name;
 
@@ -60,8 +60,8 @@ impl Reading {
     }
 }
 
-/// Sorts the files by the numbers in their names, which are looked at without folder and suffix. Gives what a user should
-/// know of the order: which of two was taken, and which files bear the same numbers.
+/// Sorts the files by the numbers in their names, which are looked at without folder and suffix. Gives what a user
+/// should know of the order: which of two was taken, and which files bear the same numbers.
 pub fn sort(paths: &mut [PathBuf]) -> Vec<String> {
     let mut names: Vec<(Name, PathBuf)> = paths.iter().map(|path| (Name::new(&stem(path)), path.clone())).collect();
     let mut notes = Vec::new();

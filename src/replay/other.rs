@@ -86,16 +86,17 @@ impl Other {
         match self {
             Self::Empty => "the file is empty (0 bytes)".to_owned(),
             Self::Ros1Bag => format!(
-                "a ROS 1 bag, which is not read; convert it to a ROS 2 recording with 'rosbags-convert --src \"{shown}\" --dst \
-                 \"{stem}\"' ('pip install rosbags')"
+                "a ROS 1 bag, which is not read; convert it to a ROS 2 recording with 'rosbags-convert --src \
+                 \"{shown}\" --dst \"{stem}\"' ('pip install rosbags')"
             ),
             Self::Video => format!(
-                "a video, which is not read; write its frames as images with 'mkdir \"{stem}\" && ffmpeg -i \"{shown}\" \
-                 \"{stem}/%06d.png\"' and give that folder"
+                "a video, which is not read; write its frames as images with 'mkdir \"{stem}\" && ffmpeg -i \
+                 \"{shown}\" \"{stem}/%06d.png\"' and give that folder"
             ),
             Self::Image => "a single image; give the folder that holds the images".to_owned(),
             Self::Packed(name, tool) => format!(
-                "the file is compressed as a whole ({name}), which is not read; unpack it first with '{tool} \"{shown}\"'"
+                "the file is compressed as a whole ({name}), which is not read; unpack it first with '{tool} \
+                 \"{shown}\"'"
             ),
             Self::Text => format!("a text file; {SOURCES}"),
             Self::NoBag => format!("neither an MCAP nor an SQLite file, whatever it is called; {SOURCES}"),
@@ -110,7 +111,8 @@ pub fn suffix(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }
 
-/// Whether the first bytes are those of MP4 and its kin, AVI, Matroska, an MPEG program stream, Flash, Windows Media or Ogg.
+/// Whether the first bytes are those of MP4 and its kin, AVI, Matroska, an MPEG program stream, Flash, Windows Media or
+/// Ogg.
 fn is_video(start: &[u8]) -> bool {
     const STARTS: [&[u8]; 5] =
         [b"\x1a\x45\xdf\xa3", b"\0\0\x01\xba", b"FLV\x01", b"\x30\x26\xb2\x75\x8e\x66\xcf\x11", b"OggS"];

@@ -12,8 +12,8 @@ pub const FILE_NAME: &str = "groundtruth_rect.txt";
 /// Bytes that such a file may have: a million rows and more.
 const MOST_BYTES: u64 = 64_000_000;
 
-/// The boxes of a file, one a frame: `x,y,w,h` in pixels, separated by commas, semicolons, tabs or spaces. `None` where the
-/// target is not in view: a number is NaN, or the box has no area. Empty lines are skipped.
+/// The boxes of a file, one a frame: `x,y,w,h` in pixels, separated by commas, semicolons, tabs or spaces. `None` where
+/// the target is not in view: a number is NaN, or the box has no area. Empty lines are skipped.
 pub fn read(path: &Path) -> Result<Vec<Option<Rect>>, ReplayError> {
     let text = file::read_text(path, MOST_BYTES);
     let text = text.map_err(|error| ReplayError::Io { path: path.to_owned(), source: error.into() })?;
@@ -21,24 +21,35 @@ pub fn read(path: &Path) -> Result<Vec<Option<Rect>>, ReplayError> {
     let text = text.trim_start_matches('\u{feff}');
     let rows = text.lines().enumerate().filter(|(_, row)| !row.trim().is_empty());
     rows.map(|(i, row)| {
-        let rect = parse(row).map_err(|why| ReplayError::Box {
+        let rect = parse(row).map_err(|source| ReplayError::Box {
             path: path.to_owned(),
             line: i + 1,
             text: row.trim().to_owned(),
-            why,
+            source,
         })?;
         Ok((rect.is_finite() && rect.area() > 0.0).then_some(rect))
     })
     .collect()
 }
 
+/// Why a text is no box.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum BoxError {
+    /// Too few or too many.
+    #[error("it must hold four numbers x,y,w,h, not {0}")]
+    Count(usize),
+    /// A word that is none.
+    #[error("'{0}' is no number")]
+    Number(String),
+}
+
 /// A box as four numbers: x, y, width, height.
-pub fn parse(text: &str) -> Result<Rect, String> {
+pub fn parse(text: &str) -> Result<Rect, BoxError> {
     let words: Vec<&str> = text.split([',', ';', '\t', ' ']).filter(|w| !w.trim().is_empty()).collect();
     let &[x, y, w, h] = words.as_slice() else {
-        return Err(format!("it must hold four numbers x,y,w,h, not {}", words.len()));
+        return Err(BoxError::Count(words.len()));
     };
-    let number = |word: &str| word.trim().parse::<f64>().map_err(|_| format!("'{word}' is no number"));
+    let number = |word: &str| word.trim().parse::<f64>().map_err(|_| BoxError::Number(word.to_owned()));
     Ok(Rect::new(number(x)?, number(y)?, number(w)?, number(h)?))
 }
 

@@ -37,7 +37,7 @@ pub struct Args {
     /// Renamings, in order; the first that matches holds.
     pub rules: Vec<Rule>,
     /// Where parameters come from, in order; the last value holds.
-    pub parameters: Vec<Source>,
+    pub parameters: Vec<ParameterSource>,
     /// Levels of loggers, in order; no name means all of ours.
     pub levels: Vec<(Option<String>, LevelFilter)>,
     /// The security enclave, which is not supported.
@@ -54,7 +54,7 @@ pub struct Args {
 
 /// One source of parameters.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Source {
+pub enum ParameterSource {
     /// A ROS parameter file.
     File(PathBuf),
     /// `[NODE:]NAME:=VALUE`.
@@ -104,7 +104,7 @@ fn parse_ros(words: Vec<String>) -> Result<Args, Fault> {
         match flag.as_str() {
             "-r" | "--remap" => args.rules.push(Rule::parse(&value()?)?),
             "-p" | "--param" => args.parameters.push(assignment(value()?)?),
-            "--params-file" => args.parameters.push(Source::File(value()?.into())),
+            "--params-file" => args.parameters.push(ParameterSource::File(value()?.into())),
             "--log-level" => args.levels.push(level(&value()?)?),
             "--enable-rosout-logs" => args.no_rosout = false,
             "--disable-rosout-logs" => args.no_rosout = true,
@@ -115,7 +115,8 @@ fn parse_ros(words: Vec<String>) -> Result<Args, Fault> {
             "--disable-external-lib-logs" => args.no_file = true,
             "--log-file-name" => args.file_name = Some(value()?).filter(|name| !name.is_empty()),
             "-e" | "--enclave" => args.enclave = Some(enclave(value()?)?),
-            // A configured back end of rcl's logging has no counterpart here; launch files that name one must still work.
+            // A configured back end of rcl's logging has no counterpart here; launch files that name one must still
+            // work.
             "--log-config-file" => drop(value()?),
             _ => {
                 let why = "unknown ROS argument; see --help".to_owned();
@@ -127,9 +128,9 @@ fn parse_ros(words: Vec<String>) -> Result<Args, Fault> {
 }
 
 /// An assignment that can be understood; what it means may depend on those before it.
-fn assignment(text: String) -> Result<Source, Fault> {
+fn assignment(text: String) -> Result<ParameterSource, Fault> {
     Overrides::default().assign(&text)?;
-    Ok(Source::Assignment(text))
+    Ok(ParameterSource::Assignment(text))
 }
 
 /// An enclave is named as a namespace is, and as by rcl a name that breaks its rules is refused.
@@ -179,8 +180,8 @@ mod tests {
         let got =
             args("node --ros-args -r a:=b -- --ros-args -p n:x:=1 --params-file f.yaml -p y:=true -e /e").unwrap();
         assert_eq!(got.rules, [Rule::parse("a:=b").unwrap()]);
-        let of = |text: &str| Source::Assignment(text.to_owned());
-        let want = [of("n:x:=1"), Source::File("f.yaml".into()), of("y:=true")];
+        let of = |text: &str| ParameterSource::Assignment(text.to_owned());
+        let want = [of("n:x:=1"), ParameterSource::File("f.yaml".into()), of("y:=true")];
         assert_eq!(got.parameters, want);
         assert_eq!(got.enclave.as_deref(), Some("/e"));
         assert!(fault("node --ros-args -- -r a:=b").contains("-r"), "outside the block");

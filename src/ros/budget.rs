@@ -2,16 +2,17 @@
 //! the machine is.
 //!
 //! To take a target up costs many times what it costs to follow it into one image, and every image that comes
-//! meanwhile but the newest is skipped. So a mark that costs a time `t` in all is followed by `t / SHARE` in which no other is
-//! obeyed, and the share of images that marks can cost is no more than `SHARE`. Marks may run ahead of that by a little, so
-//! that a user who marks anew at once does not wait, nor a detector that marks a handful of targets. A restart goes at
-//! once. What it took counts all the same.
+//! meanwhile but the newest is skipped. So a mark that costs a time `t` in all is followed by `t / SHARE` in which no
+//! other is obeyed, and the share of images that marks can cost is no more than `SHARE`. Marks may run ahead of that by
+//! a little, so that a user who marks anew at once does not wait, nor a detector that marks a handful of targets. A
+//! restart goes at once. What it took counts all the same.
 
 use std::time::{Duration, Instant};
 
 /// Marks may take no more of the time than this.
 const SHARE: f64 = 1.0 / 24.0;
-/// What a mark costs in all, in times of what it costs at once: altered looks at the target are learned over the next images.
+/// What a mark costs in all, in times of what it costs at once: altered looks at the target are learned over the next
+/// images.
 const IN_ALL: f64 = 4.0;
 /// How much time marks may take before its share has passed: that of a handful.
 const AHEAD: Duration = Duration::from_millis(1500);
@@ -43,8 +44,8 @@ impl Budget {
         Self { paid: now }
     }
 
-    /// Notes that a mark took `time` up to `now`. One that was followed through `later` images was learned on the way; another
-    /// will still take the rest of what it costs in all.
+    /// Notes that a mark took `time` up to `now`. One that was followed through `later` images was learned on the way;
+    /// another will still take the rest of what it costs in all.
     pub fn charge(&mut self, time: Duration, later: usize, now: Instant) {
         let in_all = if later == 0 { IN_ALL } else { 1.0 };
         let most = now + LONGEST + AHEAD.div_f64(SHARE);

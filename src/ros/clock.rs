@@ -9,6 +9,7 @@ use log::error;
 use ros2_client::builtin_interfaces::Time;
 use ros2_client::{DEFAULT_SUBSCRIPTION_QOS, Name, Node, Subscription};
 
+use super::fault::Fault;
 use super::messages::{Clock, Topic};
 use super::parameters::Store;
 
@@ -43,8 +44,8 @@ impl SimTime {
             if self.store.current().use_sim_time() {
                 match self.subscribe() {
                     Ok(clock) => self.read(&clock).await,
-                    Err(why) => {
-                        error!("cannot subscribe to /clock: {why}");
+                    Err(fault) => {
+                        error!("{fault}");
                         return std::future::pending().await;
                     }
                 }
@@ -53,12 +54,15 @@ impl SimTime {
         }
     }
 
-    fn subscribe(&self) -> Result<Subscription<Clock>, String> {
+    fn subscribe(&self) -> Result<Subscription<Clock>, Fault> {
+        fn failed(why: impl ToString) -> Fault {
+            Fault::system("subscribe to /clock", why)
+        }
         let mut node = self.node.lock().unwrap_or_else(PoisonError::into_inner);
-        let name = Name::new("/", "clock").map_err(|why| why.to_string())?;
+        let name = Name::new("/", "clock").map_err(failed)?;
         let topic = node.create_topic(&name, Clock::type_name(), &DEFAULT_SUBSCRIPTION_QOS);
         let clock = topic.and_then(|topic| node.create_subscription(&topic, None));
-        clock.map_err(|why| why.to_string())
+        clock.map_err(failed)
     }
 
     /// Reads until `use_sim_time` is not set any more.

@@ -93,7 +93,8 @@ impl Commands {
         }
     }
 
-    /// Each request waits for the worker's answer, which comes between two frames, together with all others for the same.
+    /// Each request waits for the worker's answer, which comes between two frames, together with all others for the
+    /// same.
     async fn answer(&self, service: &Trigger, command: impl Fn(Replies) -> Command) {
         let answer = |_| {
             let (reply, answer) = bounded(1);

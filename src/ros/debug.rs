@@ -55,8 +55,8 @@ struct Queue {
 struct Shared {
     queue: Mutex<Queue>,
     changed: Condvar,
-    image: View,
-    response: View,
+    image: DebugView,
+    response: DebugView,
 }
 
 impl Shared {
@@ -66,12 +66,12 @@ impl Shared {
 }
 
 /// A picture and its two topics.
-pub struct View {
+pub struct DebugView {
     raw: (Publisher<Image>, Watched),
     compressed: (Publisher<CompressedImage>, Watched),
 }
 
-impl View {
+impl DebugView {
     /// Makes the topics `name` and `name/compressed`.
     pub fn new(endpoints: &mut Endpoints, name: &str) -> Result<Self, Fault> {
         Ok(Self {
@@ -86,7 +86,7 @@ impl View {
     }
 
     /// Draws by `draw`, which takes the largest side of the picture, and publishes where somebody looks.
-    fn publish(&self, draw: impl FnOnce(u32) -> RgbImage, header: &Header, debug: &Debug) -> Result<(), String> {
+    fn publish(&self, draw: impl FnOnce(u32) -> RgbImage, header: &Header, debug: &Debug) -> Result<(), Fault> {
         let [raw, compressed] = self.wanted();
         if !raw && !compressed {
             return Ok(());
@@ -96,12 +96,13 @@ impl View {
         let picture = draw(side);
         if raw {
             let message = raw_image(&scaled(&picture, debug.max_side as u32), header);
-            self.raw.0.publish(message).map_err(|e| e.to_string())?;
+            self.raw.0.publish(message).map_err(|e| Fault::system("publish a debug image", e))?;
         }
         if compressed {
             let picture = scaled(&picture, debug.compressed_max_side as u32);
-            let message = jpeg(&picture, header, debug.jpeg_quality as u8).map_err(|e| e.to_string())?;
-            self.compressed.0.publish(message).map_err(|e| e.to_string())?;
+            let message = jpeg(&picture, header, debug.jpeg_quality as u8);
+            let message = message.map_err(|e| Fault::system("compress a debug image", e))?;
+            self.compressed.0.publish(message).map_err(|e| Fault::system("publish a debug image", e))?;
         }
         Ok(())
     }
@@ -113,7 +114,7 @@ pub struct Feed(Arc<Shared>);
 
 impl Feed {
     /// A feed for the two pictures.
-    pub fn new(image: View, response: View) -> Self {
+    pub fn new(image: DebugView, response: DebugView) -> Self {
         let queue = Queue { scenes: vec![Scene::default(); SCENES], ..Queue::default() };
         Self(Arc::new(Shared { queue: Mutex::new(queue), changed: Condvar::new(), image, response }))
     }
@@ -148,8 +149,8 @@ impl Feed {
     /// Draws what is handed over until the feed is closed.
     pub fn run(self) {
         while let Some(job) = self.wait() {
-            if let Err(why) = self.draw(&job) {
-                warn!("debug image not published: {why}");
+            if let Err(fault) = self.draw(&job) {
+                warn!("{fault}");
             }
             self.keep(job.scene);
         }
@@ -161,7 +162,7 @@ impl Feed {
         if queue.closed { None } else { queue.jobs.pop_front() }
     }
 
-    fn draw(&self, job: &Job) -> Result<(), String> {
+    fn draw(&self, job: &Job) -> Result<(), Fault> {
         let Shared { image, response, .. } = &*self.0;
         let Job { output, scene, debug, .. } = job;
         let (frame, header) = (job.frame.frame().with_levels(job.levels), job.frame.header());

@@ -32,18 +32,18 @@ impl Decoder {
 
 /// A place for one thing, the newest.
 pub struct Slot<T> {
-    state: Mutex<State<T>>,
+    state: Mutex<SlotState<T>>,
     changed: Condvar,
 }
 
-struct State<T> {
+struct SlotState<T> {
     newest: Option<T>,
     closed: bool,
 }
 
 impl<T> Default for Slot<T> {
     fn default() -> Self {
-        Self { state: Mutex::new(State { newest: None, closed: false }), changed: Condvar::new() }
+        Self { state: Mutex::new(SlotState { newest: None, closed: false }), changed: Condvar::new() }
     }
 }
 
@@ -63,12 +63,12 @@ impl<T> Slot<T> {
 
     /// Waits for the newest and takes it; `None` once the slot is closed.
     pub fn take(&self) -> Option<T> {
-        let idle = |state: &mut State<T>| !state.closed && state.newest.is_none();
+        let idle = |state: &mut SlotState<T>| !state.closed && state.newest.is_none();
         let mut state = self.changed.wait_while(self.lock(), idle).unwrap_or_else(PoisonError::into_inner);
         if state.closed { None } else { state.newest.take() }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State<T>> {
+    fn lock(&self) -> MutexGuard<'_, SlotState<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -81,8 +81,8 @@ impl Environment {
             peers.clear();
         } else if !peers.is_empty() && reach == Reach::Localhost {
             warnings.push(format!(
-                "ROS_STATIC_PEERS={}: with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST this node reaches only those on this \
-                 machine; use SUBNET for others",
+                "ROS_STATIC_PEERS={}: with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST this node reaches only those on \
+                 this machine; use SUBNET for others",
                 peers.join(";")
             ));
         }
@@ -107,8 +107,8 @@ impl Environment {
     }
 }
 
-/// How far discovery reaches, and whether static peers are asked. As in rcl, `ROS_LOCALHOST_ONLY` counts only where it is
-/// 1, upper and lower case are told apart, and what cannot be understood is the safer choice.
+/// How far discovery reaches, and whether static peers are asked. As in rcl, `ROS_LOCALHOST_ONLY` counts only where it
+/// is 1, upper and lower case are told apart, and what cannot be understood is the safer choice.
 fn reach(variable: &impl Fn(&str) -> Option<String>, warnings: &mut Vec<String>) -> (Reach, bool) {
     if variable("ROS_LOCALHOST_ONLY").as_deref() == Some("1") {
         return (Reach::Localhost, false);
@@ -120,8 +120,8 @@ fn reach(variable: &impl Fn(&str) -> Option<String>, warnings: &mut Vec<String>)
         Some("OFF") => (Reach::Off, false),
         Some(other) => {
             warnings.push(format!(
-                "ROS_AUTOMATIC_DISCOVERY_RANGE={other}: it must be SUBNET, LOCALHOST, OFF or SYSTEM_DEFAULT; LOCALHOST is \
-                 taken"
+                "ROS_AUTOMATIC_DISCOVERY_RANGE={other}: it must be SUBNET, LOCALHOST, OFF or SYSTEM_DEFAULT; LOCALHOST \
+                 is taken"
             ));
             (Reach::Localhost, true)
         }
@@ -163,8 +163,8 @@ fn implementation(variable: &impl Fn(&str) -> Option<String>) -> Option<String> 
 fn server(variable: &impl Fn(&str) -> Option<String>) -> Option<String> {
     let value = variable("ROS_DISCOVERY_SERVER")?;
     Some(format!(
-        "ROS_DISCOVERY_SERVER={value}: discovery servers are not supported; this node finds others by multicast, and is \
-         not found by those that ask a server only"
+        "ROS_DISCOVERY_SERVER={value}: discovery servers are not supported; this node finds others by multicast, and \
+         is not found by those that ask a server only"
     ))
 }
 

@@ -7,6 +7,7 @@ use crate::error::{NetworkError, ParamsError};
 
 /// A reason to end the process. Each message is one line that holds the value at fault.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum Fault {
     /// A command line that cannot be understood.
     #[error("argument '{argument}': {why}")]
@@ -31,7 +32,8 @@ pub enum Fault {
     Thread { name: String, why: String },
     /// The process takes more memory than it may.
     #[error(
-        "resident memory of {resident_mb} MB is more than the {limit_mb} MB that parameter 'limits.memory_mb' allows: the node ends itself"
+        "resident memory of {resident_mb} MB is more than the {limit_mb} MB that parameter 'limits.memory_mb' allows: \
+         the node ends itself"
     )]
     Memory { resident_mb: u64, limit_mb: u64 },
     /// The process did not come to its end when it should.

@@ -1,4 +1,5 @@
-//! What the node must know of the others: who subscribes to what is costly to make, and which other node bears its name.
+//! What the node must know of the others: who subscribes to what is costly to make, and which other node bears its
+//! name.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -124,7 +125,8 @@ impl Graph {
                         let name = self.own.full();
                         warn!(
                             "another node is named {name} too: services and parameters of that name may be answered by \
-                             either, and tools show one of them; rename one, by -r __node:=NAME or -r __ns:=/NAMESPACE{}",
+                             either, and tools show one of them; rename one, by -r __node:=NAME or -r \
+                             __ns:=/NAMESPACE{}",
                             held_back(held)
                         );
                     }

@@ -16,21 +16,21 @@ const MOST_BACK: i64 = 1_000_000_000;
 
 /// Frames with stamps, the oldest first.
 #[derive(Debug, Default)]
-pub struct History {
+pub struct ImageHistory {
     frames: VecDeque<Arc<Received>>,
     bytes: usize,
-    limits: params::History,
+    limits: params::HistoryParams,
 }
 
-impl History {
+impl ImageHistory {
     /// Keeps no more than that from now on.
-    pub fn limit(&mut self, limits: &params::History) {
+    pub fn limit(&mut self, limits: &params::HistoryParams) {
         self.limits = limits.clone();
         self.shrink();
     }
 
-    /// Keeps the frame. One without a stamp cannot be named, and so is not kept; one of a much earlier stamp than the last
-    /// begins a new stream.
+    /// Keeps the frame. One without a stamp cannot be named, and so is not kept; one of a much earlier stamp than the
+    /// last begins a new stream.
     pub fn push(&mut self, frame: &Arc<Received>) {
         let Some(stamp) = frame.frame().stamp() else { return };
         let goes_back = |last: &Arc<Received>| last.frame().stamp() > Some(stamp.saturating_add(MOST_BACK));
@@ -121,9 +121,9 @@ mod tests {
         )
     }
 
-    fn history(frames: i64, megabytes: i64) -> History {
-        let mut history = History::default();
-        history.limit(&params::History { frames, megabytes });
+    fn history(frames: i64, megabytes: i64) -> ImageHistory {
+        let mut history = ImageHistory::default();
+        history.limit(&params::HistoryParams { frames, megabytes });
         history
     }
 
@@ -139,7 +139,7 @@ mod tests {
         let mut small = history(1000, 2);
         (1..=9).for_each(|n| small.push(&frame(n)));
         assert_eq!(stamps(small.frames()), [6, 7, 8, 9], "4 x 500 kB");
-        small.limit(&params::History { frames: 30, megabytes: 1 });
+        small.limit(&params::HistoryParams { frames: 30, megabytes: 1 });
         assert_eq!(stamps(small.frames()), [8, 9]);
         let mut none = history(0, 64);
         none.push(&frame(1));
@@ -155,7 +155,8 @@ mod tests {
         assert_eq!(history.bytes, 1_000_000);
     }
 
-    /// The clock of a camera that is stamped when its images are read goes back and stands: each can be named all the same.
+    /// The clock of a camera that is stamped when its images are read goes back and stands: each can be named all the
+    /// same.
     #[test]
     fn small_steps_back_are_of_the_same_stream() {
         let mut history = history(30, 64);

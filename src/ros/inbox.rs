@@ -1,5 +1,5 @@
-//! What waits for the worker: the newest image, commands, and the newest set of parameters. An image that the worker has
-//! not taken yet is overwritten, and counted; it stays in the history for a while.
+//! What waits for the worker: the newest image, commands, and the newest set of parameters. An image that the worker
+//! has not taken yet is overwritten, and counted; it stays in the history for a while.
 //!
 //! The worker takes one thing at a time, and images and commands take turns: a command that is due goes after the image
 //! that was waiting with it, and before the next.
@@ -9,7 +9,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use super::convert::{Mark, Received, Start};
-use super::history::History;
+use super::history::ImageHistory;
 use super::queue::{Command, Queue};
 use crate::frame::Stamp;
 use crate::network::SharedCnn;
@@ -45,19 +45,19 @@ pub enum Task {
 }
 
 #[derive(Default)]
-struct State {
+struct InboxState {
     frame: Option<Arc<Received>>,
     skipped: u32,
     params: Option<Box<Tuning>>,
     commands: Queue,
     /// Whether a command was due beside the last image that was taken: it goes before the next.
     owed: bool,
-    history: History,
+    history: ImageHistory,
     /// The stamp of the newest image that came, where it has one and is kept.
     newest: Stamp,
 }
 
-impl State {
+impl InboxState {
     fn take(&mut self, wait: impl Fn(&Command) -> Duration) -> Option<Work> {
         let task = self.take_task(wait);
         let params = self.params.take();
@@ -80,7 +80,7 @@ impl State {
 
 /// The place where the threads meet.
 pub struct Inbox {
-    state: Mutex<State>,
+    state: Mutex<InboxState>,
     changed: Condvar,
     closed: AtomicBool,
 }
@@ -112,8 +112,8 @@ impl Inbox {
         state.skipped = state.skipped.saturating_add(1);
     }
 
-    /// Adds a command. A mark on the newest image is one on that which is the newest now, whenever its turn comes; where
-    /// images bear no stamps or none are kept, it is on that which is the newest then.
+    /// Adds a command. A mark on the newest image is one on that which is the newest now, whenever its turn comes;
+    /// where images bear no stamps or none are kept, it is on that which is the newest then.
     pub fn send(&self, mut command: Command) {
         let mut state = self.lock();
         if let Command::Mark(Mark::Start(start)) = &mut command {
@@ -123,7 +123,8 @@ impl Inbox {
         self.changed.notify_one();
     }
 
-    /// Puts these parameters in force, from the next image on at the latest. Only the newest set counts, for each is whole.
+    /// Puts these parameters in force, from the next image on at the latest. Only the newest set counts, for each is
+    /// whole.
     pub fn retune(&self, params: Params, network: Option<SharedCnn>) {
         let mut state = self.lock();
         limit(&mut state, &params);
@@ -170,13 +171,13 @@ impl Inbox {
         None
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, InboxState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// Keeps as many images and lets as many marks wait as the parameters say.
-fn limit(state: &mut State, params: &Params) {
+fn limit(state: &mut InboxState, params: &Params) {
     state.history.limit(&params.history);
     state.commands.limit(params.general.max_targets as usize);
 }

@@ -1,4 +1,5 @@
-//! What is done with an image that came, or with one that cannot be used: it goes into the inbox, or is told and counted.
+//! What is done with an image that came, or with one that cannot be used: it goes into the inbox, or is told and
+//! counted.
 
 use std::fmt;
 use std::mem::{Discriminant, discriminant};
@@ -18,6 +19,7 @@ use crate::frame::{Encoding, Stamp};
 
 /// Why an image is not used.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum Refusal {
     /// Its bytes do not hold what its fields say.
     #[error(transparent)]

@@ -147,8 +147,8 @@ impl Log for Logger {
     fn flush(&self) {}
 }
 
-/// Whether a complaint of another crate comes too soon after the last from that place. A peer can cause some of them with
-/// every datagram.
+/// Whether a complaint of another crate comes too soon after the last from that place. A peer can cause some of them
+/// with every datagram.
 fn is_held_back(record: &Record) -> bool {
     let place = (record.target().to_owned(), record.line());
     let mut throttle = FOREIGN.lock().unwrap_or_else(PoisonError::into_inner);

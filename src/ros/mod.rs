@@ -1,7 +1,8 @@
 //! The node: everything between ROS 2 and a [`Session`](crate::Session).
 //!
-//! The way in: [`args`] and [`env`](mod@env) say what is wanted, [`names`] resolves what things are called, [`parameters`]
-//! holds the values in force, [`endpoints`] makes topics and services, [`node`] starts the threads and ends them.
+//! The way in: [`args`] and [`env`](mod@env) say what is wanted, [`names`] resolves what things are called,
+//! [`parameters`] holds the values in force, [`endpoints`] makes topics and services, [`node`] starts the threads and
+//! ends them.
 //!
 //! While it runs, an image goes `receive (-> decode) -> inbox -> worker -> debug`:
 //!
@@ -14,10 +15,10 @@
 //! | spin | [`graph`], [`commands`], [`parameter_services`], [`service`], [`diagnostics`], [`clock`] | other nodes, marks, service calls, a clock |
 //! | supervisor | [`supervisor`] | signals, the end of any thread, a clock; looks after memory, ends a process that hangs |
 //!
-//! [`queue`] and [`budget`] say which marks the worker obeys and when, so that images win. [`history`] keeps the frames that
-//! a mark may name. [`messages`] are the types on the wire, [`convert`] goes from them to the core's types and back, [`logging`]
-//! sends log lines to the terminal, to the file that [`log_file`] makes and to `/rosout`, [`stats`] counts, and [`diagnostics`]
-//! tells of it.
+//! [`queue`] and [`budget`] say which marks the worker obeys and when, so that images win. [`history`] keeps the frames
+//! that a mark may name. [`messages`] are the types on the wire, [`convert`] goes from them to the core's types and
+//! back, [`logging`] sends log lines to the terminal, to the file that [`log_file`] makes and to `/rosout`, [`stats`]
+//! counts, and [`diagnostics`] tells of it.
 
 pub mod args;
 pub mod budget;
@@ -58,8 +59,8 @@ pub use crate::messages::{self, convert};
 
 /// Runs the node with the arguments of a process, the first being the program's name, until a signal ends it.
 ///
-/// The exit code is 0 after SIGINT or SIGTERM, 1 where it failed while running or hung at the end, 2 where the arguments, a
-/// parameter file or the environment cannot be used; then one line on standard error says why.
+/// The exit code is 0 after SIGINT or SIGTERM, 1 where it failed while running or hung at the end, 2 where the
+/// arguments, a parameter file or the environment cannot be used; then one line on standard error says why.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let args = match args::parse(args) {
         Ok(args) => args,

@@ -14,14 +14,14 @@ pub struct Rule {
     text: String,
     /// The only node meant, where one is named.
     node: Option<String>,
-    kind: Option<Kind>,
+    kind: Option<NameKind>,
     from: String,
     to: String,
 }
 
 /// What a name names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum NameKind {
     Topic,
     Service,
 }
@@ -36,8 +36,8 @@ impl Rule {
             _ => (None, left),
         };
         let (kind, from) = match (rest.strip_prefix("rostopic://"), rest.strip_prefix("rosservice://")) {
-            (Some(topic), _) => (Some(Kind::Topic), topic),
-            (_, Some(service)) => (Some(Kind::Service), service),
+            (Some(topic), _) => (Some(NameKind::Topic), topic),
+            (_, Some(service)) => (Some(NameKind::Service), service),
             _ => (None, rest),
         };
         if from.is_empty() || to.is_empty() || node.as_deref() == Some("") {
@@ -84,7 +84,7 @@ impl Names {
 
     /// The absolute name of a topic of ours.
     pub fn topic(&self, name: &str) -> Result<Name, Fault> {
-        self.resolve(name, Kind::Topic)
+        self.resolve(name, NameKind::Topic)
     }
 
     /// The absolute name of a topic that transports `base` in another form: what a rule for it says, or else below that
@@ -100,10 +100,10 @@ impl Names {
 
     /// The absolute name of a service of ours.
     pub fn service(&self, name: &str) -> Result<Name, Fault> {
-        self.resolve(name, Kind::Service)
+        self.resolve(name, NameKind::Service)
     }
 
-    fn resolve(&self, name: &str, kind: Kind) -> Result<Name, Fault> {
+    fn resolve(&self, name: &str, kind: NameKind) -> Result<Name, Fault> {
         let (mut full, mut by) = (self.expand(name), None);
         for rule in self.rules.iter().filter(|r| r.kind.is_none_or(|k| k == kind) && !r.from.starts_with("__")) {
             if rule.is_for(&self.node.name) && self.expand(&rule.from) == full {
@@ -111,10 +111,10 @@ impl Names {
                 break;
             }
         }
-        let parsed = check(&full).and_then(|()| Name::parse(&full).map_err(|why| why.to_string()));
+        let parsed = check(&full).and_then(|()| Name::parse(&full).map_err(|e| NameError::Other(e.to_string())));
         parsed.map_err(|why| match by {
             Some(rule) => Fault::Argument { argument: rule.text.clone(), why: format!("'{full}' is no name: {why}") },
-            None => Fault::Name { name: full, why },
+            None => Fault::Name { name: full, why: why.to_string() },
         })
     }
 
@@ -134,14 +134,27 @@ impl Names {
     }
 }
 
-/// Whether an absolute name keeps the rules, and which it breaks.
-fn check(name: &str) -> Result<(), String> {
+/// Which of the rules for names one breaks.
+#[derive(Debug, thiserror::Error)]
+enum NameError {
+    #[error("it holds '{0}', and names hold letters, digits, '_' and '/' only")]
+    Character(char),
+    #[error("there must be a name before, between and after its slashes")]
+    Empty,
+    #[error("'{0}' begins with a digit")]
+    Digit(String),
+    #[error("{0}")]
+    Other(String),
+}
+
+/// Whether an absolute name keeps the rules.
+fn check(name: &str) -> Result<(), NameError> {
     let bad = name.chars().find(|c| !c.is_ascii_alphanumeric() && !matches!(c, '_' | '/'));
     match bad {
-        Some(bad) => Err(format!("it holds '{bad}', and names hold letters, digits, '_' and '/' only")),
+        Some(bad) => Err(NameError::Character(bad)),
         None => match name.split('/').skip(1).find(|token| !is_token(token)) {
-            Some("") => Err("there must be a name before, between and after its slashes".to_owned()),
-            Some(token) => Err(format!("'{token}' begins with a digit")),
+            Some("") => Err(NameError::Empty),
+            Some(token) => Err(NameError::Digit(token.to_owned())),
             None => Ok(()),
         },
     }

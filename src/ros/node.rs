@@ -10,7 +10,7 @@ use smol::channel::{Receiver, Sender, bounded};
 use super::args::Args;
 use super::clock::SimTime;
 use super::commands::Commands;
-use super::debug::{Feed, View};
+use super::debug::{DebugView, Feed};
 use super::decoder::{Decoder, Slot};
 use super::diagnostics::Diagnostics;
 use super::endpoints::Endpoints;
@@ -22,9 +22,9 @@ use super::intake::Intake;
 use super::logging;
 use super::names::Names;
 use super::parameter_services::ParameterServices;
-use super::parameters::{Settings, Store};
+use super::parameters::{NodeSettings, Store};
 use super::part::{Part, first_to_end};
-use super::receive::{Receive, Source};
+use super::receive::{ImageSource, Receive};
 use super::stats::Stats;
 use super::supervisor::Supervisor;
 use super::worker::Worker;
@@ -41,7 +41,7 @@ pub fn run(args: Args) -> Result<(), Fault> {
         warn!("{line}");
     }
     let image_topic = names.topic("image")?;
-    let settings = Settings::new(&image_topic.to_string()).load(&args.parameters, names.node())?;
+    let settings = NodeSettings::new(&image_topic.to_string()).load(&args.parameters, names.node())?;
     // It is there before anything that may hang or grow, so that a signal always ends the node.
     let supervisor = Supervisor::start(settings.params.limits.memory_mb.unsigned_abs())?;
     if let Some(warning) = env::buffer_warning() {
@@ -80,7 +80,7 @@ impl Threads {
     fn start(
         mut endpoints: Endpoints,
         topic: &Name,
-        settings: Settings,
+        settings: NodeSettings,
         loaded: Loaded,
         supervisor: &Supervisor,
     ) -> Result<Self, Fault> {
@@ -96,8 +96,8 @@ impl Threads {
         let is_packed = settings.params.general.image_transport == ImageTransport::Compressed;
         let receive = Receive {
             source: match settings.params.general.image_transport {
-                ImageTransport::Raw => Source::Raw(endpoints.images(topic, qos)?),
-                ImageTransport::Compressed => Source::Compressed(endpoints.images(topic, qos)?, packed.clone()),
+                ImageTransport::Raw => ImageSource::Raw(endpoints.images(topic, qos)?),
+                ImageTransport::Compressed => ImageSource::Compressed(endpoints.images(topic, qos)?, packed.clone()),
             },
             topic: topic.clone(),
             qos,
@@ -110,7 +110,8 @@ impl Threads {
         let store = Arc::new(Store::new(settings, loaded));
         let tracks = endpoints.publisher("~/tracks")?;
         let detections = endpoints.publisher("~/detections")?;
-        let views = (View::new(&mut endpoints, "~/debug/image")?, View::new(&mut endpoints, "~/debug/response")?);
+        let views =
+            (DebugView::new(&mut endpoints, "~/debug/image")?, DebugView::new(&mut endpoints, "~/debug/response")?);
         let commands = Commands::new(&mut endpoints, inbox.clone())?;
         let parameters = ParameterServices::new(&mut endpoints, store.clone(), inbox.clone())?;
         let diagnostics = Diagnostics::new(&mut endpoints, topic, stats.clone())?;

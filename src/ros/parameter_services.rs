@@ -23,11 +23,11 @@ use super::endpoints::Endpoints;
 use super::fault::Fault;
 use super::inbox::Inbox;
 use super::logging::{Throttle, held_back};
-use super::parameters::{Change, Settings, Store};
+use super::parameters::{Change, NodeSettings, Store};
 use super::part::Part;
 use super::service::Service;
 use crate::error::ParamsError;
-use crate::params::{self, Assignment, Kind, Range, Value};
+use crate::params::{self, Assignment, Range, Value, ValueKind};
 
 /// The services, and where what they set goes.
 pub struct ParameterServices {
@@ -146,8 +146,8 @@ impl ParameterServices {
         }
     }
 
-    /// Makes the changes, in the order of the requests; but one that asks for another network waits until that is loaded,
-    /// while other requests are answered.
+    /// Makes the changes, in the order of the requests; but one that asks for another network waits until that is
+    /// loaded, while other requests are answered.
     async fn taken(&self, changes: Vec<raw::Parameter>) -> Result<Change, ParamsError> {
         let changes: Vec<Assignment> = changes.into_iter().map(|p| self.assignment(p)).collect::<Result<_, _>>()?;
         let changes: Arc<[Assignment]> = changes.into();
@@ -199,19 +199,19 @@ impl ParameterServices {
     }
 }
 
-fn values(settings: &Settings, names: &[String]) -> Vec<raw::ParameterValue> {
+fn values(settings: &NodeSettings, names: &[String]) -> Vec<raw::ParameterValue> {
     names.iter().map(|name| to_raw(settings.get(name).as_ref())).collect()
 }
 
-fn types(settings: &Settings, names: &[String]) -> Vec<u8> {
+fn types(settings: &NodeSettings, names: &[String]) -> Vec<u8> {
     names.iter().map(|name| settings.get(name).map_or(raw::ParameterType::NOT_SET, |v| v.kind() as u8)).collect()
 }
 
-fn descriptions(settings: &Settings, names: &[String]) -> Vec<raw::ParameterDescriptor> {
+fn descriptions(settings: &NodeSettings, names: &[String]) -> Vec<raw::ParameterDescriptor> {
     names.iter().map(|name| description(settings, name)).collect()
 }
 
-fn description(settings: &Settings, name: &str) -> raw::ParameterDescriptor {
+fn description(settings: &NodeSettings, name: &str) -> raw::ParameterDescriptor {
     let mut raw = raw::ParameterDescriptor {
         name: name.to_owned(),
         r#type: raw::ParameterType::NOT_SET,
@@ -242,7 +242,7 @@ fn description(settings: &Settings, name: &str) -> raw::ParameterDescriptor {
 }
 
 /// The names that equal a prefix or lie below one, no more than `depth` levels deep (0: any), as rclcpp lists them.
-fn list(settings: &Settings, prefixes: &[String], depth: u64) -> ListParametersResult {
+fn list(settings: &NodeSettings, prefixes: &[String], depth: u64) -> ListParametersResult {
     let levels = |name: &str| name.matches('.').count() as u64;
     let wanted = |name: &str| {
         if prefixes.is_empty() {
@@ -289,9 +289,9 @@ fn to_raw(value: Option<&Value>) -> raw::ParameterValue {
 
 /// A double that came as text. rclpy makes text of doubles below 0.0001 when it loads a parameter file, for it writes
 /// them as `1e-05`, which is no number in its YAML.
-fn number(value: Value, kind: Kind) -> Value {
+fn number(value: Value, kind: ValueKind) -> Value {
     match &value {
-        Value::String(text) if kind == Kind::Double => text.parse().map_or(value, Value::Double),
+        Value::String(text) if kind == ValueKind::Double => text.parse().map_or(value, Value::Double),
         _ => value,
     }
 }
@@ -335,14 +335,14 @@ mod tests {
 
     #[test]
     fn listing_follows_prefixes_and_depth() {
-        let settings = Settings::new("/image");
+        let settings = NodeSettings::new("/image");
         let names = |prefixes: &[&str], depth| {
             let prefixes: Vec<String> = prefixes.iter().map(|p| (*p).to_owned()).collect();
             list(&settings, &prefixes, depth).names
         };
         assert_eq!(names(&[], 0).len(), settings.names().len());
         assert!(names(&[], 1).iter().all(|n| !n.contains('.')));
-        assert_eq!(names(&["debug"], 0), ["debug.compressed_max_side", "debug.jpeg_quality", "debug.max_side"]);
+        assert_eq!(names(&["debug"], 0), ["debug.max_side", "debug.compressed_max_side", "debug.jpeg_quality"]);
         assert!(names(&["debug"], 1).is_empty());
         assert_eq!(names(&["seed"], 1), ["seed"]);
         assert!(names(&["deb"], 0).is_empty());
@@ -353,14 +353,14 @@ mod tests {
     #[test]
     fn text_is_taken_for_a_double_where_it_is_one() {
         let text = |t: &str| Value::String(t.to_owned());
-        assert_eq!(number(text("1e-05"), Kind::Double), Value::Double(1e-5));
-        assert_eq!(number(text("little"), Kind::Double), text("little"));
-        assert_eq!(number(text("1e-05"), Kind::String), text("1e-05"));
+        assert_eq!(number(text("1e-05"), ValueKind::Double), Value::Double(1e-5));
+        assert_eq!(number(text("little"), ValueKind::Double), text("little"));
+        assert_eq!(number(text("1e-05"), ValueKind::String), text("1e-05"));
     }
 
     #[test]
     fn descriptors_hold_ranges_with_step_zero() {
-        let settings = Settings::new("/image");
+        let settings = NodeSettings::new("/image");
         let d = description(&settings, "debug.jpeg_quality");
         assert_eq!((d.r#type, d.read_only), (raw::ParameterType::INTEGER, false));
         let range = &d.integer_range[0];

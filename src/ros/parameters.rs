@@ -5,13 +5,15 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use log::warn;
 
-use super::args::Source;
+use super::args::ParameterSource;
 use super::fault::Fault;
 use super::image_qos::ImageQos;
 use crate::error::ParamsError;
 use crate::loader::Loaded;
 use crate::network::SharedCnn;
-use crate::params::{self, Assignment, Kind, NodeName, Origin, Override, Overrides, Params, Phase, Range, Value};
+use crate::params::{
+    self, Assignment, Need, NodeName, Origin, Override, Overrides, Params, Phase, Range, Tier, Value, ValueKind,
+};
 
 /// Names below which every node accepts parameters that concern only some of its topics.
 const QOS_OVERRIDES: &str = "qos_overrides.";
@@ -29,7 +31,7 @@ struct NodeParameter {
     description: &'static str,
     choices: &'static [&'static str],
     range: Option<Range>,
-    live: bool,
+    need: Need,
     value: Value,
 }
 
@@ -39,7 +41,7 @@ pub struct Description {
     /// Full name.
     pub name: String,
     /// Type of the value.
-    pub kind: Kind,
+    pub kind: ValueKind,
     /// What it does.
     pub description: String,
     /// What a range cannot say.
@@ -52,7 +54,7 @@ pub struct Description {
 
 /// A checked set of values.
 #[derive(Debug, Clone)]
-pub struct Settings {
+pub struct NodeSettings {
     /// The package's own.
     pub params: Params,
     /// Every node's.
@@ -61,7 +63,7 @@ pub struct Settings {
     qos_prefix: String,
 }
 
-impl Settings {
+impl NodeSettings {
     /// The defaults of a node that reads images from `image_topic`.
     pub fn new(image_topic: &str) -> Self {
         let qos_prefix = format!("{QOS_OVERRIDES}{image_topic}.subscription.");
@@ -70,7 +72,7 @@ impl Settings {
             description,
             choices,
             range,
-            live: false,
+            need: Need::Restart,
             value,
         };
         let choice = |policy, choices: &'static [&'static str], description| {
@@ -85,7 +87,7 @@ impl Settings {
                 description: sim_time,
                 choices: &[],
                 range: None,
-                live: true,
+                need: Need::Nothing,
                 value: Value::Bool(false),
             },
             choice(
@@ -125,12 +127,11 @@ impl Settings {
         self.own(USE_SIM_TIME).is_some_and(|p| p.value == Value::Bool(true))
     }
 
-    /// All names, sorted.
+    /// All names, in the order in which rqt shows them: those that are met first in front, those for ablation last.
     pub fn names(&self) -> Vec<&str> {
-        let table = params::descriptors().iter().map(|d| d.name);
-        let mut names: Vec<&str> = table.chain(self.own.iter().map(|p| p.name.as_str())).collect();
-        names.sort_unstable();
-        names
+        let (ablation, table): (Vec<_>, Vec<_>) = params::descriptors().iter().partition(|d| d.tier == Tier::Ablation);
+        let own = self.own.iter().map(|p| p.name.as_str());
+        table.into_iter().map(|d| d.name).chain(own).chain(ablation.into_iter().map(|d| d.name)).collect()
     }
 
     /// The value of a parameter.
@@ -140,15 +141,32 @@ impl Settings {
 
     /// What is known of a parameter besides its value.
     pub fn describe(&self, name: &str) -> Option<Description> {
-        let (kind, description, choices, live, range, unit) = match (params::descriptor(name), self.own(name)) {
-            (Some(d), _) => (d.default.kind(), d.description, d.choices, d.live, d.range, d.unit),
-            (None, Some(p)) => (p.value.kind(), p.description, p.choices, p.live, p.range, ""),
+        let (kind, description, choices, need, range, unit) = match (params::descriptor(name), self.own(name)) {
+            (Some(d), _) => (d.default.kind(), d.description, d.choices, d.need, d.range, d.unit),
+            (None, Some(p)) => (p.value.kind(), p.description, p.choices, p.need, p.range, ""),
             (None, None) => return None,
         };
         let unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
-        let constraints = if choices.is_empty() { String::new() } else { format!("one of {}", choices.join(", ")) };
+        let mut constraints = Vec::new();
+        if !choices.is_empty() {
+            constraints.push(format!("one of {}", choices.join(", ")));
+        }
+        // What is read-only has a field of its own.
+        if !matches!(need, Need::Nothing | Need::Restart) {
+            constraints.push(format!("a change {}", need.about()));
+        }
         let description = format!("{description}{unit}");
-        Some(Description { name: name.to_owned(), kind, description, constraints, read_only: !live, range })
+        if params::descriptor(name).is_some_and(|d| d.tier == Tier::Ablation) {
+            constraints.push("for ablation".to_owned());
+        }
+        Some(Description {
+            name: name.to_owned(),
+            kind,
+            description,
+            constraints: constraints.join("; "),
+            read_only: need == Need::Restart,
+            range,
+        })
     }
 
     /// This set with the changes made, or the first reason why not.
@@ -167,17 +185,17 @@ impl Settings {
 
     /// The values that `sources` give this node. Names that no parameter bears are told and passed over, for a file
     /// may be shared with other nodes; a value that cannot be used is a fault.
-    pub fn load(&self, sources: &[Source], node: &NodeName) -> Result<Self, Fault> {
+    pub fn load(&self, sources: &[ParameterSource], node: &NodeName) -> Result<Self, Fault> {
         let mut overrides = Overrides::default();
         for source in sources {
             match source {
-                Source::File(path) => {
+                ParameterSource::File(path) => {
                     let named = overrides.read(path)?;
                     if !named.iter().any(|key| node.matches(key)) {
                         warn!("{}", nothing_for(node, path, &named));
                     }
                 }
-                Source::Assignment(text) => overrides.assign(text)?,
+                ParameterSource::Assignment(text) => overrides.assign(text)?,
             }
         }
         let mut all = Vec::new();
@@ -251,7 +269,7 @@ impl NodeParameter {
         if let Some(range) = self.range.filter(|r| !r.contains(value)) {
             return Err(ParamsError::Range { name, range: range.to_string(), got: value.to_string() });
         }
-        if phase == Phase::Running && !self.live && *value != self.value {
+        if phase == Phase::Running && self.need == Need::Restart && *value != self.value {
             return Err(ParamsError::ReadOnly { name });
         }
         self.value = value.clone();
@@ -265,7 +283,7 @@ pub struct Store(Mutex<InForce>);
 
 #[derive(Debug)]
 struct InForce {
-    settings: Arc<Settings>,
+    settings: Arc<NodeSettings>,
     /// The network that they ask for.
     loaded: Loaded,
 }
@@ -274,7 +292,7 @@ struct InForce {
 #[derive(Debug)]
 pub struct Change {
     /// The new set.
-    pub settings: Arc<Settings>,
+    pub settings: Arc<NodeSettings>,
     /// The network that it asks for.
     pub network: Option<SharedCnn>,
     /// What differs from the set before.
@@ -283,12 +301,12 @@ pub struct Change {
 
 impl Store {
     /// Puts a set in force, with the network that it asks for.
-    pub fn new(settings: Settings, loaded: Loaded) -> Self {
+    pub fn new(settings: NodeSettings, loaded: Loaded) -> Self {
         Self(Mutex::new(InForce { settings: Arc::new(settings), loaded }))
     }
 
     /// The set in force.
-    pub fn current(&self) -> Arc<Settings> {
+    pub fn current(&self) -> Arc<NodeSettings> {
         self.lock().settings.clone()
     }
 
@@ -298,8 +316,8 @@ impl Store {
         Ok(Loaded::new(&changed.params)?)
     }
 
-    /// Makes the changes as a whole, or none of them. `None` where the new set asks for another network than that in force and
-    /// than what was `prepared`: then it is to be prepared, and changed, once more.
+    /// Makes the changes as a whole, or none of them. `None` where the new set asks for another network than that in
+    /// force and than what was `prepared`: then it is to be prepared, and changed, once more.
     pub fn change(&self, changes: &[Assignment], prepared: Option<Loaded>) -> Result<Option<Change>, ParamsError> {
         let mut current = self.lock();
         let settings = Arc::new(current.settings.with(changes, Phase::Running)?);
@@ -331,16 +349,16 @@ mod tests {
 
     use super::*;
 
-    fn settings() -> Settings {
-        Settings::new("/cam")
+    fn settings() -> NodeSettings {
+        NodeSettings::new("/cam")
     }
 
     fn row(name: &str, value: Value) -> Assignment {
         (name.to_owned(), value)
     }
 
-    fn assigned(text: &str) -> Source {
-        Source::Assignment(text.to_owned())
+    fn assigned(text: &str) -> ParameterSource {
+        ParameterSource::Assignment(text.to_owned())
     }
 
     #[test]
@@ -353,6 +371,14 @@ mod tests {
             assert!(!d.description.is_empty());
         }
         assert_eq!(s.describe("algorithm").unwrap().constraints, "one of lcmht, etepf, maptrack");
+        let waits =
+            "one of masked, kernelised; a change has the filters made anew once the target is certain; for ablation";
+        assert_eq!(s.describe("lcmht.filter.kind").unwrap().constraints, waits);
+        let names = s.names();
+        let place = |name: &str| names.iter().position(|n| *n == name).unwrap();
+        assert!(place("algorithm") == 0 && place(USE_SIM_TIME) > place("lcmht.cnn.file"));
+        assert!(place("lcmht.filter.kind") > place(USE_SIM_TIME), "ablation is last");
+        assert_eq!(s.describe("lcmht.filter.recrop").unwrap().constraints, "for ablation");
         assert!(s.describe("nonsense").is_none() && s.get("nonsense").is_none());
     }
 
@@ -393,7 +419,7 @@ mod tests {
             .unwrap();
         let sources = [
             assigned("seed:=1"),
-            Source::File(file.path().to_owned()),
+            ParameterSource::File(file.path().to_owned()),
             assigned("other:seed:=7"),
             assigned("debug.max_side:=100"),
         ];
@@ -422,7 +448,7 @@ mod tests {
     fn a_value_in_a_file_that_cannot_be_used_is_told_with_the_file() {
         let mut file = tempfile::NamedTempFile::new().unwrap();
         writeln!(file, "/**: {{ros__parameters: {{debug: {{max_side: 1}}}}}}").unwrap();
-        let sources = [Source::File(file.path().to_owned())];
+        let sources = [ParameterSource::File(file.path().to_owned())];
         let message = settings().load(&sources, &NodeName::default()).unwrap_err().to_string();
         assert!(message.contains(file.path().to_str().unwrap()), "{message}");
         assert!(
@@ -443,7 +469,7 @@ mod tests {
         assert!(change(&[good]).is_empty(), "nothing changed");
     }
 
-    fn without_network() -> Settings {
+    fn without_network() -> NodeSettings {
         let changes =
             [row("lcmht.cnn.enabled", Value::Bool(false)), row("lcmht.cnn.inference", Value::String("builtin".into()))];
         settings().with(&changes, Phase::StartUp).unwrap()

@@ -1,8 +1,8 @@
 //! The commands that wait for the worker, as few as can be: what peers send at any rate takes bounded memory, and no
 //! mark is obeyed that a later one has made void.
 //!
-//! * Of the marks of a target only the newest waits, in the place of the first, so that one target's marks never hold up
-//!   another's. Where a single target is followed, every mark is of that target.
+//! * Of the marks of a target only the newest waits, in the place of the first, so that one target's marks never hold
+//!   up another's. Where a single target is followed, every mark is of that target.
 //! * A stop makes earlier marks void: those of its target, or all of them.
 //! * Requests for the same service wait as one, and each of them is answered.
 
@@ -121,8 +121,8 @@ impl Queue {
         self.waiting.iter_mut().for_each(|waiting| waiting.asleep = false);
     }
 
-    /// The first command whose turn it is: `wait` says how long it is until then. One that still has to wait lets others
-    /// pass.
+    /// The first command whose turn it is: `wait` says how long it is until then. One that still has to wait lets
+    /// others pass.
     pub fn ready(&self, wait: impl Fn(&Command) -> Duration) -> Option<usize> {
         self.waiting.iter().position(|waiting| !waiting.asleep && wait(&waiting.command).is_zero())
     }

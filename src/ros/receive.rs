@@ -1,5 +1,5 @@
-//! The receive thread: takes each image as it comes, checks it, and leaves the newest in the inbox, or in the slot of the
-//! decode thread.
+//! The receive thread: takes each image as it comes, checks it, and leaves the newest in the inbox, or in the slot of
+//! the decode thread.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -27,7 +27,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// All that the thread needs.
 pub struct Receive {
     /// Where images come from.
-    pub source: Source,
+    pub source: ImageSource,
     /// The name of that topic.
     pub topic: Name,
     /// What was asked for there.
@@ -43,7 +43,7 @@ pub struct Receive {
 }
 
 /// Where images come from.
-pub enum Source {
+pub enum ImageSource {
     /// As they are.
     Raw(Subscription<messages::Image>),
     /// As JPEG or PNG.
@@ -59,7 +59,7 @@ enum Image {
     Compressed(Box<CompressedImage>),
 }
 
-impl Source {
+impl ImageSource {
     fn type_name(&self) -> MessageTypeName {
         match self {
             Self::Raw(_) => messages::Image::type_name(),
@@ -81,7 +81,8 @@ impl Source {
         }
     }
 
-    /// Passes an image on: one that is compressed to the decode thread, unless a newer one comes before it is taken there.
+    /// Passes an image on: one that is compressed to the decode thread, unless a newer one comes before it is taken
+    /// there.
     fn pass(&self, image: Image, arrival: i64, inbox: &Inbox, intake: &mut Intake) {
         match (self, image) {
             (_, Image::Raw(image)) => intake.take(Received::new(*image, arrival).map_err(Refusal::from)),

@@ -137,7 +137,8 @@ impl fmt::Display for Stats {
             f,
             "images: {} received, {} missed, {} rejected, {} skipped; {} marks superseded; {} track messages, \
              {} messages unsent; \
-             tracker: median {:.2} ms, 95 % {:.2} ms; the rest from arrival to publication: median {:.2} ms, 95 % {:.2} ms",
+             tracker: median {:.2} ms, 95 % {:.2} ms; the rest from arrival to publication: median {:.2} ms, 95 % \
+             {:.2} ms",
             self.received.load(Relaxed),
             self.missed.load(Relaxed),
             self.rejected.load(Relaxed),

@@ -1,5 +1,5 @@
-//! Looks after the process as a whole, on a thread that does nothing else: signals, threads that end, memory, and an end
-//! that does not come.
+//! Looks after the process as a whole, on a thread that does nothing else: signals, threads that end, memory, and an
+//! end that does not come.
 //!
 //! The first reason to end (a signal, or a thread that came to its end by itself) is given to whoever waits for it, who
 //! then takes the node down in good order. What does not end so is ended: `PATIENCE` after that, or at a second
@@ -27,8 +27,8 @@ const ORDERLY: Duration = Duration::from_secs(1);
 const PERIOD: Duration = Duration::from_millis(100);
 /// How long the last line may take: whoever should read it may not.
 const LAST_LINE: Duration = Duration::from_millis(500);
-/// How the names of the library's threads begin, that run as long as the node does; the system cuts them short. And what
-/// they are.
+/// How the names of the library's threads begin, that run as long as the node does; the system cuts them short. And
+/// what they are.
 const LIBRARY: [(&str, &str); 2] = [("RustDDS Partici", "DDS event loop"), ("RustDDS discove", "DDS discovery")];
 /// So many panics are remembered.
 const PANICS: usize = 16;

@@ -1,5 +1,5 @@
-//! The hashes by which ROS 2 tells versions of a type apart (REP 2011). From Jazzy on, the user data of every reader and
-//! writer holds that of its type, where `ros2 topic info --verbose` reads it.
+//! The hashes by which ROS 2 tells versions of a type apart (REP 2011). From Jazzy on, the user data of every reader
+//! and writer holds that of its type, where `ros2 topic info --verbose` reads it.
 
 /// Types of the topics and services of this node, with the hashes that rosidl computes from their definitions.
 const HASHES: [(&str, &str); 25] = [

@@ -94,8 +94,8 @@ mod tests {
         ];
         assert_eq!(
             line("/image", KIND, SENSOR, 5, publishers.iter()),
-            "no image on /image after 5 s (best_effort, volatile); publishers there: one that matches, one that does not \
-             match: its type is std_msgs/msg/String, not sensor_msgs/msg/Image; other topics with images: /camera"
+            "no image on /image after 5 s (best_effort, volatile); publishers there: one that matches, one that does \
+             not match: its type is std_msgs/msg/String, not sensor_msgs/msg/Image; other topics with images: /camera"
         );
         let asked = ImageQos { reliable: true, transient_local: true, ..SENSOR };
         let text = line("/image", KIND, asked, 5, publishers[..1].iter());

@@ -25,6 +25,15 @@ use crate::session::Session;
 use crate::trace::Trace;
 use crate::tracker::State;
 
+/// Why nothing was started again.
+#[derive(Debug, thiserror::Error)]
+enum RestartError {
+    #[error("no image has come yet")]
+    NoImage,
+    #[error(transparent)]
+    Start(#[from] StartError),
+}
+
 /// All that the thread needs.
 pub struct Worker {
     /// Where work comes from.
@@ -163,7 +172,7 @@ impl Worker {
             Command::Restart(replies) => {
                 let result = self.restart(memory, trace);
                 let success = result.is_ok();
-                answer(&replies, success, &result.unwrap_or_else(|why| why));
+                answer(&replies, success, &result.unwrap_or_else(|why| why.to_string()));
                 success.then_some(0)
             }
         };
@@ -173,8 +182,8 @@ impl Worker {
         followed.is_some()
     }
 
-    /// Takes up a target on the image that the mark names, and follows it up to the newest, unless the node is to end. Gives
-    /// the number of images that it was followed through, if it was taken up.
+    /// Takes up a target on the image that the mark names, and follows it up to the newest, unless the node is to end.
+    /// Gives the number of images that it was followed through, if it was taken up.
     fn start(&mut self, start: Start, memory: &mut Memory, trace: &mut dyn Trace) -> Option<usize> {
         let rect = start.rect;
         let named = match &memory.newest {
@@ -224,9 +233,9 @@ impl Worker {
         message
     }
 
-    fn restart(&mut self, memory: &mut Memory, trace: &mut dyn Trace) -> Result<String, String> {
-        let frame = memory.newest.as_ref().ok_or("no image has come yet")?;
-        let output = self.session.restart(&frame.frame(), trace).map_err(|why| why.to_string())?;
+    fn restart(&mut self, memory: &mut Memory, trace: &mut dyn Trace) -> Result<String, RestartError> {
+        let frame = memory.newest.as_ref().ok_or(RestartError::NoImage)?;
+        let output = self.session.restart(&frame.frame(), trace)?;
         let boxes: Vec<_> = output.targets.iter().map(|target| target.rect.to_string()).collect();
         let message = format!("restarted: {}", boxes.join(", "));
         memory.say(Line::Restarted, Level::Info, message.clone());

@@ -2,8 +2,8 @@
 //!
 //! A camera's stamps are one period apart, or a whole number of them where frames were skipped. Stamps that are given
 //! when an image is read from a link that stalls, or by a clock that is set, are not like that: they lie much closer
-//! than a period, stand still or go back, fit no period, or most are close and a few very far apart. While they are like
-//! that they tell nothing of motion, and each frame counts as one period.
+//! than a period, stand still or go back, fit no period, or most are close and a few very far apart. While they are
+//! like that they tell nothing of motion, and each frame counts as one period.
 
 use crate::frame::Stamp;
 
@@ -15,8 +15,8 @@ const ENOUGH: usize = 8;
 const MAX_PERIODS: f64 = 30.0;
 /// The shortest that an interval may be, in lower quartiles.
 const SHORTEST: f64 = 0.2;
-/// The longest that intervals may be on the average, in lower quartiles. Where more frames than that are skipped, the lower
-/// quartile grows as well; in bursts it does not.
+/// The longest that intervals may be on the average, in lower quartiles. Where more frames than that are skipped, the
+/// lower quartile grows as well; in bursts it does not.
 const LONGEST_MEAN: f64 = 4.0;
 /// The lower quartile is of no more periods than these, so many frames are seldom skipped all the time.
 const MOST_PARTS: u32 = 3;
@@ -25,8 +25,8 @@ const MOST_PARTS: u32 = 3;
 const MOST_MISFIT: f64 = 0.15;
 /// Rounds by which a period is fitted to the intervals.
 const ROUNDS: usize = 2;
-/// A longer gap than this, in nanoseconds, and than [`MAX_PERIODS`], is not part of the frame rate: the clock was set, or
-/// the stream was halted.
+/// A longer gap than this, in nanoseconds, and than [`MAX_PERIODS`], is not part of the frame rate: the clock was set,
+/// or the stream was halted.
 const PAUSE: f64 = 2e9;
 /// No camera that is tracked with takes more frames a second; stamps that say so do not count time.
 const MAX_RATE: f64 = 1000.0;
@@ -87,8 +87,8 @@ impl Cadence {
         }
     }
 
-    /// Whether no interval is much shorter than most, and most are not much shorter than the mean. What is but one long gap
-    /// does not count as more than [`MAX_PERIODS`].
+    /// Whether no interval is much shorter than most, and most are not much shorter than the mean. What is but one long
+    /// gap does not count as more than [`MAX_PERIODS`].
     fn could_be_a_camera(&self, quartile: f64) -> bool {
         let count = self.known().count();
         let sum: f64 = self.known().map(|interval| interval.min(self.longest)).sum();
@@ -116,8 +116,8 @@ impl Cadence {
         self.telling().map(off).sum::<f64>() / self.telling().count() as f64
     }
 
-    /// The lower quartile of the intervals in which the clock went on, 0 where there is none. Skipped frames make intervals
-    /// longer and never shorter.
+    /// The lower quartile of the intervals in which the clock went on, 0 where there is none. Skipped frames make
+    /// intervals longer and never shorter.
     fn lower_quartile(&self) -> f64 {
         let mut sorted = self.intervals;
         sorted.sort_unstable();

@@ -5,7 +5,7 @@
 
 use crate::frame::Frame;
 use crate::geometry::Rect;
-use crate::trace::{Cues, Proposal, ResponseMap, Stage, Trace};
+use crate::trace::{Cues, Event, Proposal, ResponseMap, Trace};
 use crate::tracker::Target;
 
 /// From the pixels in which the tracker counts to those of the latest frame.
@@ -64,43 +64,68 @@ pub(super) struct Zoomed<'a> {
 }
 
 impl Trace for Zoomed<'_> {
-    fn stage(&mut self, stage: Stage) {
-        self.trace.stage(stage);
-    }
-
-    fn search_window(&mut self, window: Rect) {
-        self.trace.search_window(stretched(window, self.factors));
-    }
-
-    fn prediction(&mut self, rect: Rect) {
-        self.trace.prediction(stretched(rect, self.factors));
-    }
-
-    fn response(&mut self, map: &ResponseMap) {
-        self.trace.response(&ResponseMap { window: stretched(map.window, self.factors), ..*map });
-    }
-
-    fn cues(&mut self, cues: &Cues) {
-        self.trace.cues(&Cues { window: stretched(cues.window, self.factors), ..*cues });
-    }
-
-    fn proposals(&mut self, proposals: &[Proposal]) {
-        if self.factors == [1.0; 2] {
-            return self.trace.proposals(proposals);
+    fn event(&mut self, event: Event) {
+        let stretch = |rect| stretched(rect, self.factors);
+        match event {
+            Event::Stage(_) | Event::MadeAnew(_) => self.trace.event(event),
+            Event::SearchWindow(window) => self.trace.event(Event::SearchWindow(stretch(window))),
+            Event::Prediction(rect) => self.trace.event(Event::Prediction(stretch(rect))),
+            Event::Response(map) => {
+                self.trace.event(Event::Response(&ResponseMap { window: stretch(map.window), ..*map }));
+            }
+            Event::Cues(cues) => self.trace.event(Event::Cues(&Cues { window: stretch(cues.window), ..*cues })),
+            Event::Proposals(_) if self.factors == [1.0; 2] => self.trace.event(event),
+            Event::Proposals(proposals) => {
+                let stretched: Vec<_> = proposals.iter().map(|p| Proposal { rect: stretch(p.rect), ..*p }).collect();
+                self.trace.event(Event::Proposals(&stretched));
+            }
+            Event::Neighbour(rect) => self.trace.event(Event::Neighbour(stretch(rect))),
+            Event::Particle { rect, weight } => self.trace.event(Event::Particle { rect: stretch(rect), weight }),
+            Event::Mode { name, window } => self.trace.event(Event::Mode { name, window: stretch(window) }),
         }
-        let stretch = |p: &Proposal| Proposal { rect: stretched(p.rect, self.factors), ..*p };
-        self.trace.proposals(&proposals.iter().map(stretch).collect::<Vec<_>>());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Default)]
+    struct Places(Vec<Rect>);
+
+    impl Trace for Places {
+        fn event(&mut self, event: Event) {
+            self.0.push(match event {
+                Event::Stage(_) | Event::MadeAnew(_) => Rect::default(),
+                Event::SearchWindow(rect) | Event::Prediction(rect) | Event::Neighbour(rect) => rect,
+                Event::Particle { rect, .. } | Event::Mode { window: rect, .. } => rect,
+                Event::Response(map) => map.window,
+                Event::Cues(cues) => cues.window,
+                Event::Proposals(proposals) => proposals[0].rect,
+            });
+        }
     }
 
-    fn neighbour(&mut self, rect: Rect) {
-        self.trace.neighbour(stretched(rect, self.factors));
-    }
-
-    fn particle(&mut self, rect: Rect, weight: f64) {
-        self.trace.particle(stretched(rect, self.factors), weight);
-    }
-
-    fn mode(&mut self, name: &'static str, window: Rect) {
-        self.trace.mode(name, stretched(window, self.factors));
+    #[test]
+    fn every_place_is_shown_in_the_pixels_of_the_frame() {
+        let [known, shown] = [Rect::new(1.0, 2.0, 3.0, 4.0), Rect::new(2.0, 6.0, 6.0, 12.0)];
+        let images = [("", [].as_slice()); 4];
+        let events = [
+            Event::SearchWindow(known),
+            Event::Prediction(known),
+            Event::Response(&ResponseMap { values: &[], rows: 0, cols: 0, window: known }),
+            Event::Cues(&Cues { id: "0", name: "", window: known, rows: 0, cols: 0, images }),
+            Event::Proposals(&[Proposal { rect: known, score: 0.0 }]),
+            Event::Neighbour(known),
+            Event::Particle { rect: known, weight: 1.0 },
+            Event::Mode { name: "", window: known },
+        ];
+        let mut places = Places::default();
+        let mut zoomed = Zoom { known: [10, 10], factors: [2.0, 3.0] };
+        events.iter().for_each(|event| zoomed.trace(&mut places).event(*event));
+        assert_eq!(places.0, [shown; 8]);
+        zoomed.factors = [1.0; 2];
+        zoomed.trace(&mut places).event(events[4]);
+        assert_eq!(places.0.last(), Some(&known));
     }
 }

@@ -2,16 +2,17 @@
 //! framework for robust object tracking*, 2009).
 //!
 //! Weak classifiers that tell pixels of the target from those around it make a likelihood image. Particles follow the
-//! target: one half as it may have moved, the other led to the peaks of that image by mean shift; they are weighed by what
-//! the image and their colours say. `Followed::step` is the paper's algorithm.
+//! target: one half as it may have moved, the other led to the peaks of that image by mean shift; they are weighed by
+//! what the image and their colours say. `EtepfTarget::step` is the paper's algorithm.
 //!
-//! The mode TRACK is `Tracking` where the likelihood mean of the target is above T1 and `Uncertain` below; FIND is `Lost`.
-//! By default, some things differ from the paper, each of which a parameter takes back: the target must stand out from
-//! its surroundings (eq 4) where the paper weighs its likelihood mean alone, and is lost where it does not; it has a colour
-//! histogram for its upper and one for its lower half; its place settles on a peak of the likelihood image; and ensemble and
-//! colours are updated while the target is certain. What FIND does is ours for good: the paper says only that nothing is
-//! resampled. Each frame draws the particles anew around where the target was last, the farther the longer it is lost; the
-//! heaviest of them is the one place that may be it, and it is if the likelihood mean there is above T1, where the paper has T2.
+//! The mode TRACK is `Tracking` where the likelihood mean of the target is above T1 and `Uncertain` below; FIND is
+//! `Lost`. By default, some things differ from the paper, each of which a parameter takes back: the target must stand
+//! out from its surroundings (eq 4) where the paper weighs its likelihood mean alone, and is lost where it does not; it
+//! has a colour histogram for its upper and one for its lower half; its place settles on a peak of the likelihood
+//! image; and ensemble and colours are updated while the target is certain. What FIND does is ours for good: the paper
+//! says only that nothing is resampled. Each frame draws the particles anew around where the target was last, the
+//! farther the longer it is lost; the heaviest of them is the one place that may be it, and it is if the likelihood
+//! mean there is above T1, where the paper has T2.
 //!
 //! | file | what it holds |
 //! |---|---|
@@ -31,6 +32,7 @@ mod motion;
 
 use std::sync::Arc;
 
+use super::made::Made;
 use super::targets::{self, Targets};
 use super::{NewId, Output, State, Target, Tracker};
 use crate::crop::Cropper;
@@ -39,17 +41,23 @@ use crate::filter::particles::Particles;
 use crate::frame::Frame;
 use crate::geometry::Rect;
 use crate::network::SharedCnn;
-use crate::params::{EtepfMethod, EtepfParams, Params};
-use crate::trace::{Stage, Trace};
+use crate::params::{CLIMB, EtepfMethod, EtepfParams, Group as _, Need, Params, SURROUND};
+use crate::trace::{Event, Stage, Trace};
 use appearance::{Appearance, Evidence};
-use likelihood::View;
-use motion::{Motion, Place};
+use likelihood::LikelihoodView;
+use motion::{ParticleMotion, Place};
 
 /// What the paper calls its modes.
 const TRACK: &str = "track";
 const FIND: &str = "find";
 /// Standard deviations of what is drawn around a peak within which the likelihood image is made.
 const REACH: f64 = 2.0;
+/// Standard deviation of what is drawn around a local peak (Sigma), in units of the motion model's.
+const SPREAD: f64 = 1.0;
+/// What a frame must show to be learned from: how much the target stands out (eq 4) in units of the first frame's, and
+/// how similar its colours are.
+const LEAST_LEARNED_CONTRAST: f64 = 0.7;
+const LEAST_LEARNED_LIKENESS: f64 = 0.8;
 /// Keeps the contrast of the first frame above zero.
 const LEAST_CONTRAST: f64 = 0.05;
 
@@ -58,18 +66,20 @@ pub struct Etepf {
     params: EtepfParams,
     seed: u64,
     scratch: Scratch,
-    targets: Targets<Followed>,
+    targets: Targets<EtepfTarget>,
+    /// What changed parameters had made anew since the last frame.
+    made: Made,
 }
 
 /// What all targets use one after the other.
 #[derive(Default)]
 struct Scratch {
     cropper: Cropper,
-    view: View,
+    view: LikelihoodView,
 }
 
 /// A target and all that is known of it.
-struct Followed {
+struct EtepfTarget {
     id: Arc<str>,
     params: EtepfParams,
     /// Its width and height at scale 1.
@@ -78,7 +88,7 @@ struct Followed {
     place: Place,
     appearance: Appearance,
     particles: Particles<3>,
-    motion: Motion,
+    motion: ParticleMotion,
     state: State,
     /// What is seen there.
     seen: Evidence,
@@ -97,14 +107,15 @@ impl Etepf {
             seed: params.general.seed.unsigned_abs(),
             scratch: Scratch::default(),
             targets: Targets::default(),
+            made: Made::default(),
         }
     }
 }
 
 impl Tracker for Etepf {
     fn start(&mut self, id: &Arc<str>, frame: &Frame, rect: Rect, trace: &mut dyn Trace) {
-        trace.stage(Stage::Learn);
-        let followed = Followed::new(id.clone(), &self.params, self.seed, frame, &mut self.scratch, &rect);
+        trace.event(Event::Stage(Stage::Learn));
+        let followed = EtepfTarget::new(id.clone(), &self.params, self.seed, frame, &mut self.scratch, &rect);
         self.targets.add(followed);
     }
 
@@ -123,10 +134,12 @@ impl Tracker for Etepf {
     }
 
     fn step(&mut self, frame: &Frame, dt: f64, _: &mut NewId, trace: &mut dyn Trace) {
+        self.made.show(trace);
         for target in self.targets.iter_mut() {
             target.step(frame, &mut self.scratch, dt, trace);
             if target.is_outdated(&self.params) && target.state == State::Tracking {
                 target.relearn(&self.params, frame, &mut self.scratch);
+                trace.event(Event::MadeAnew(Need::Target));
             }
         }
     }
@@ -137,11 +150,15 @@ impl Tracker for Etepf {
 
     fn retune(&mut self, params: &Params, _: Option<SharedCnn>) {
         self.params = params.etepf.clone();
-        self.targets.iter_mut().for_each(|target| target.retune(&self.params));
+        for target in self.targets.iter_mut() {
+            if target.retune(&self.params) {
+                self.made.note(Need::Classifiers);
+            }
+        }
     }
 }
 
-impl targets::Followed for Followed {
+impl targets::Followed for EtepfTarget {
     fn id(&self) -> &Arc<str> {
         &self.id
     }
@@ -161,12 +178,12 @@ impl targets::Followed for Followed {
     }
 }
 
-impl Followed {
+impl EtepfTarget {
     fn new(id: Arc<str>, params: &EtepfParams, seed: u64, frame: &Frame, scratch: &mut Scratch, rect: &Rect) -> Self {
         let appearance = scratch.learn(frame, rect, params);
         let [u, v] = rect.centre();
         let place = Place::from([u, v, 1.0]);
-        let seen = appearance.evidence(&scratch.view, rect, params);
+        let seen = appearance.evidence(&scratch.view, rect);
         Self {
             id,
             size: rect.size(),
@@ -175,7 +192,7 @@ impl Followed {
             contrast: seen.contrast(),
             appearance,
             particles: Particles::new(params.particles.count as usize, place, seed),
-            motion: Motion::new(),
+            motion: ParticleMotion::new(),
             state: State::Tracking,
             age: 0,
             lost_for: 0,
@@ -187,9 +204,9 @@ impl Followed {
     /// Follows the target into the next frame.
     fn step(&mut self, frame: &Frame, scratch: &mut Scratch, dt: f64, trace: &mut dyn Trace) {
         self.age = self.age.saturating_add(1);
-        trace.prediction(self.rect(&self.place));
+        trace.event(Event::Prediction(self.rect(&self.place)));
 
-        trace.stage(Stage::Features);
+        trace.event(Event::Stage(Stage::Features));
         let noise = self.motion.noise(self.size, dt, &self.params.particles, &self.params.modes);
         let bounds = motion::bounds(frame, self.size, &self.place, &self.params.modes);
         self.particles.propagate(&noise, &bounds);
@@ -199,7 +216,7 @@ impl Followed {
             return self.wait(view, trace);
         }
 
-        trace.stage(if self.state == State::Lost { Stage::Redetect } else { Stage::Localise });
+        trace.event(Event::Stage(if self.state == State::Lost { Stage::Redetect } else { Stage::Localise }));
         self.guide(view, &noise, &bounds);
         self.weigh(view);
         let found = self.estimate(view);
@@ -211,14 +228,14 @@ impl Followed {
         self.seen = self.evidence(view, &self.place);
 
         if self.is_exemplary() {
-            trace.stage(Stage::Learn);
+            trace.event(Event::Stage(Stage::Learn));
             self.update(frame, scratch);
         }
     }
 
-    /// Stays where it is while nothing at all is to be seen: a plain picture tells no place from another. It is not looked for
-    /// farther away then, either.
-    fn wait(&mut self, view: &View, trace: &mut dyn Trace) {
+    /// Stays where it is while nothing at all is to be seen: a plain picture tells no place from another. It is not
+    /// looked for farther away then, either.
+    fn wait(&mut self, view: &LikelihoodView, trace: &mut dyn Trace) {
         // One half of the tracker alone has no FIND.
         let finds = self.params.particles.method == EtepfMethod::Full;
         (self.state, self.reacquired) = (if finds { State::Lost } else { State::Uncertain }, false);
@@ -235,38 +252,38 @@ impl Followed {
             low = low.inf(&particle.state);
             high = high.sup(&particle.state);
         }
-        let outer = self.params.ensemble.surround * high[2];
-        let reach = |axis: usize| 0.5 * outer * self.size[axis] + REACH * self.params.particles.spread * noise[axis];
+        let outer = SURROUND * high[2];
+        let reach = |axis: usize| 0.5 * outer * self.size[axis] + REACH * SPREAD * noise[axis];
         let (x, y) = (low[0] - reach(0), low[1] - reach(1));
         let area = Rect::new(x, y, high[0] + reach(0) - x, high[1] + reach(1) - y);
         let size = self.rect(&self.place).size();
         scratch.view.look(frame, &mut scratch.cropper, &area, size, &self.params.features);
-        scratch.view.judge(self.appearance.ensemble(), &self.params.features);
+        scratch.view.judge(self.appearance.ensemble());
     }
 
     /// Draws as many particles again, beside where mean shift leads those there are (step 2).
-    fn guide(&mut self, view: &View, noise: &Place, bounds: &Bounds<3>) {
+    fn guide(&mut self, view: &LikelihoodView, noise: &Place, bounds: &Bounds<3>) {
         if self.params.particles.method != EtepfMethod::Full {
             return;
         }
-        let spread = noise * self.params.particles.spread;
-        let (size, steps) = (self.size, self.params.particles.climb);
-        self.particles.guide(noise, &spread, bounds, |place| climb(view, place, size, steps));
+        let spread = noise * SPREAD;
+        let size = self.size;
+        self.particles.guide(noise, &spread, bounds, |place| climb(view, place, size, CLIMB));
     }
 
     /// Weighs the particles by what is seen (step 3).
-    fn weigh(&mut self, view: &View) {
+    fn weigh(&mut self, view: &LikelihoodView) {
         let Self { particles, appearance, params, size, .. } = self;
-        particles.weigh(|place| appearance.evidence(view, &rect(place, *size), params).likelihood(&params.particles));
+        particles.weigh(|place| appearance.evidence(view, &rect(place, *size)).likelihood(&params.particles));
     }
 
-    /// Where the target is taken to be (step 4): at the mean of the particles, or the peak that it is next to, for the mean
-    /// of so few is off by pixels. Those that look for a lost target are far apart, and the mean of two places is neither;
-    /// so of these it is the heaviest.
-    fn estimate(&self, view: &View) -> Place {
+    /// Where the target is taken to be (step 4): at the mean of the particles, or the peak that it is next to, for the
+    /// mean of so few is off by pixels. Those that look for a lost target are far apart, and the mean of two places is
+    /// neither; so of these it is the heaviest.
+    fn estimate(&self, view: &LikelihoodView) -> Place {
         let settings = &self.params.particles;
         match settings.method {
-            EtepfMethod::MeanShift => climb(view, &self.place, self.size, settings.climb),
+            EtepfMethod::MeanShift => climb(view, &self.place, self.size, CLIMB),
             EtepfMethod::Particles => self.particles.mean(),
             EtepfMethod::Full if self.state == State::Lost => self.particles.heaviest().unwrap_or(self.place),
             EtepfMethod::Full => climb(view, &self.particles.mean(), self.size, settings.settle),
@@ -293,19 +310,19 @@ impl Followed {
         seen.contrast() / self.contrast.max(LEAST_CONTRAST)
     }
 
-    /// Goes on from where the target was found: the motion model learns, and the particles are resampled (step 5). A lost
-    /// one stays where it was seen last; the particles spread from there, the farther the longer.
+    /// Goes on from where the target was found: the motion model learns, and the particles are resampled (step 5). A
+    /// lost one stays where it was seen last; the particles spread from there, the farther the longer.
     fn go_on(&mut self, found: Place, dt: f64) {
         if self.state == State::Lost {
             self.lost_for = self.lost_for.saturating_add(1);
-            self.motion.missed(&self.params.modes);
+            self.motion.missed();
             self.particles.gather(self.params.particles.count as usize, self.place);
         } else {
             let step = [found[0] - self.place[0], found[1] - self.place[1]];
             if self.reacquired {
                 self.motion.restart();
             } else {
-                self.motion.moved(step, dt, &self.params.particles);
+                self.motion.moved(step, dt);
             }
             self.lost_for = 0;
             self.place = found;
@@ -314,8 +331,8 @@ impl Followed {
     }
 
     /// What the view shows of a place.
-    fn evidence(&self, view: &View, place: &Place) -> Evidence {
-        self.appearance.evidence(view, &self.rect(place), &self.params)
+    fn evidence(&self, view: &LikelihoodView, place: &Place) -> Evidence {
+        self.appearance.evidence(view, &self.rect(place))
     }
 
     /// Whether the ensemble is to learn from this frame.
@@ -325,8 +342,8 @@ impl Followed {
             && self.state == State::Tracking
             && !self.reacquired
             && self.age.is_multiple_of(update.interval as u32)
-            && self.relative_contrast(&self.seen) >= update.contrast
-            && self.seen.likeness >= update.similar
+            && self.relative_contrast(&self.seen) >= LEAST_LEARNED_CONTRAST
+            && self.seen.likeness >= LEAST_LEARNED_LIKENESS
     }
 
     /// Updates the ensemble with the target as it is in this frame.
@@ -337,30 +354,36 @@ impl Followed {
     }
 
     /// Shows the likelihood image, the particles and the mode.
-    fn show(&self, view: &View, trace: &mut dyn Trace) {
+    fn show(&self, view: &LikelihoodView, trace: &mut dyn Trace) {
         view.show(trace);
-        self.particles.drawn().iter().for_each(|p| trace.particle(self.rect(&p.state), p.weight));
-        trace.mode(if self.state == State::Lost { FIND } else { TRACK }, view.window());
+        self.particles
+            .drawn()
+            .iter()
+            .for_each(|p| trace.event(Event::Particle { rect: self.rect(&p.state), weight: p.weight }));
+        trace.event(Event::Mode { name: if self.state == State::Lost { FIND } else { TRACK }, window: view.window() });
     }
 
-    /// How sure the box is right. The share of boxes that overlap the target by more than one half is near this number: off
-    /// by 0.07 on the average over 26 sequences, as `evaluate` has it.
+    /// How sure the box is right. The share of boxes that overlap the target by more than one half is near this number:
+    /// off by 0.07 on the average over 26 sequences, as `evaluate` has it.
     fn confidence(&self) -> f64 {
         self.relative_contrast(&self.seen).clamp(0.0, 1.0) * self.seen.likeness
     }
 
-    /// Takes over parameters; those that what is learned depends on wait until it can be learned again.
-    fn retune(&mut self, params: &EtepfParams) {
+    /// Takes over parameters, and says whether the classifiers were trained anew; those that what is learned depends on
+    /// wait until it can be learned again.
+    fn retune(&mut self, params: &EtepfParams) -> bool {
         let old = std::mem::replace(&mut self.params, params.clone());
-        (self.params.features, self.params.particles.parts) = (old.features, old.particles.parts);
-        if old.ensemble.classifiers != params.ensemble.classifiers {
+        self.params.keep(&old);
+        let anew = params.differs(&old, Need::Classifiers);
+        if anew {
             self.appearance.retrain(&self.params);
         }
+        anew
     }
 
     /// Whether these parameters need another ensemble and other colours than there are.
     fn is_outdated(&self, params: &EtepfParams) -> bool {
-        self.params.features != params.features || self.params.particles.parts != params.particles.parts
+        params.differs(&self.params, Need::Target)
     }
 
     /// Learns the target anew, as it is in this frame, by which it is measured from now on.
@@ -379,7 +402,7 @@ impl Followed {
 impl Scratch {
     /// Looks at a target and its surroundings.
     fn look_around(&mut self, frame: &Frame, rect: &Rect, params: &EtepfParams) {
-        let outer = rect.scaled(params.ensemble.surround);
+        let outer = rect.scaled(SURROUND);
         self.view.look(frame, &mut self.cropper, &outer, rect.size(), &params.features);
     }
 
@@ -396,7 +419,7 @@ fn rect(place: &Place, size: [f64; 2]) -> Rect {
 }
 
 /// Where mean shift leads.
-fn climb(view: &View, place: &Place, size: [f64; 2], steps: i64) -> Place {
+fn climb(view: &LikelihoodView, place: &Place, size: [f64; 2], steps: i64) -> Place {
     let [u, v] = view.climb(&rect(place, size), steps);
     Place::from([u, v, place[2]])
 }

@@ -2,7 +2,7 @@
 //!
 //! A correlation filter on layers of features finds the target from frame to frame; a GM-PHD filter knows its motion;
 //! when the response says that the target is gone, an online support vector machine proposes places, the GM-PHD filter
-//! weighs them, and the correlation filter has the last word. `Followed::step` is the paper's Algorithm 1.
+//! weighs them, and the correlation filter has the last word. `LcmhtTarget::step` is the paper's Algorithm 1.
 //!
 //! The paper learns in every frame, and so learns what hides the target. Here, by default, nothing is learned from a
 //! frame whose response is low for this target, and a target that keeps answering badly is lost: its box goes on as the
@@ -27,6 +27,7 @@ mod turn;
 
 use std::sync::Arc;
 
+use super::made::Made;
 use super::targets::{self, Targets};
 use super::{NewId, Output, State, Target, Tracker};
 use crate::appearance::{Answer, Appearance};
@@ -35,11 +36,11 @@ use crate::detect::online::Detector;
 use crate::frame::Frame;
 use crate::geometry::{Rect, distance};
 use crate::network::SharedCnn;
-use crate::params::{LcmhtParams, Params};
-use crate::trace::{Proposal, Stage, Trace};
-use motion::Motion;
+use crate::params::{Group as _, LcmhtParams, Need, Params};
+use crate::trace::{Event, Proposal, Stage, Trace};
+use motion::TargetMotion;
 use neighbours::{LEAST_FIT, Neighbours};
-use turn::Turn;
+use turn::{Fit, Turn};
 
 /// Share of the usual response that a peak must have to be the target's where a neighbour needs a better one.
 const ALTERNATIVE: f64 = 0.25;
@@ -55,18 +56,20 @@ pub struct Lcmht {
     cropper: Cropper,
     /// The network, if its layers are wanted.
     cnn: Option<SharedCnn>,
-    targets: Targets<Followed>,
+    targets: Targets<LcmhtTarget>,
+    /// What changed parameters had made anew since the last frame.
+    made: Made,
 }
 
 /// A target and all that is known of it.
-struct Followed {
+struct LcmhtTarget {
     id: Arc<str>,
     params: LcmhtParams,
     rect: Rect,
     /// Whether the last frame had colour.
     colour: bool,
     appearance: Appearance,
-    motion: Motion,
+    motion: TargetMotion,
     neighbours: Neighbours,
     detector: Detector,
     proposals: Vec<Proposal>,
@@ -125,15 +128,16 @@ impl Lcmht {
             cropper: Cropper::default(),
             cnn: network,
             targets: Targets::default(),
+            made: Made::default(),
         }
     }
 }
 
 impl Tracker for Lcmht {
     fn start(&mut self, id: &Arc<str>, frame: &Frame, rect: Rect, trace: &mut dyn Trace) {
-        trace.stage(Stage::Learn);
+        trace.event(Event::Stage(Stage::Learn));
         let Self { params, seed, cropper, cnn, .. } = self;
-        let followed = Followed::new(id.clone(), params, cnn.clone(), *seed, frame, cropper, rect);
+        let followed = LcmhtTarget::new(id.clone(), params, cnn.clone(), *seed, frame, cropper, rect);
         self.targets.add(followed);
     }
 
@@ -152,14 +156,15 @@ impl Tracker for Lcmht {
     }
 
     fn step(&mut self, frame: &Frame, dt: f64, _: &mut NewId, trace: &mut dyn Trace) {
-        let Self { params, seed, cropper, cnn, targets, .. } = self;
+        let Self { params, cropper, cnn, targets, made, .. } = self;
+        made.show(trace);
         // One at most is made anew in a frame, which takes as long as a mark.
         let mut remade = false;
         for target in targets.iter_mut() {
             target.step(frame, cropper, dt, trace);
             if !remade && target.params != *params && target.appearance.state() == State::Tracking {
                 remade = true;
-                target.remake(params, cnn.clone(), *seed, frame, cropper);
+                target.remake(params, cnn.clone(), frame, cropper, trace);
             }
         }
     }
@@ -169,13 +174,20 @@ impl Tracker for Lcmht {
     }
 
     fn retune(&mut self, params: &Params, network: Option<SharedCnn>) {
+        if !is_same(&self.cnn, &network) {
+            self.made.note(Need::Runtime);
+        }
         self.cnn = network;
         self.params = params.lcmht.clone();
-        self.targets.iter_mut().for_each(|target| target.retune(&self.params, self.cnn.as_ref()));
+        for target in self.targets.iter_mut() {
+            if target.retune(&self.params, self.cnn.as_ref()) {
+                self.made.note(Need::Motion);
+            }
+        }
     }
 }
 
-impl targets::Followed for Followed {
+impl targets::Followed for LcmhtTarget {
     fn id(&self) -> &Arc<str> {
         &self.id
     }
@@ -195,7 +207,7 @@ impl targets::Followed for Followed {
     }
 }
 
-impl Followed {
+impl LcmhtTarget {
     fn new(
         id: Arc<str>,
         params: &LcmhtParams,
@@ -212,7 +224,7 @@ impl Followed {
             rect,
             colour: frame.encoding().is_colour(),
             appearance,
-            motion: Motion::new(&params.motion, &params.phd, &rect, frame.bounds().area()),
+            motion: TargetMotion::new(&params.motion, &rect, frame.bounds().area()),
             neighbours: Neighbours::new(&params.neighbours),
             detector,
             proposals: Vec::new(),
@@ -231,38 +243,38 @@ impl Followed {
     /// Follows the target into the next frame: Algorithm 1.
     fn step(&mut self, frame: &Frame, cropper: &mut Cropper, dt: f64, trace: &mut dyn Trace) {
         self.age = self.age.saturating_add(1);
-        trace.stage(Stage::Features);
+        trace.event(Event::Stage(Stage::Features));
         let expected = self.look(frame, cropper, dt, trace);
-        trace.stage(Stage::Localise);
+        trace.event(Event::Stage(Stage::Localise));
         let mut localised = self.localise(expected, frame, cropper);
         self.watch_neighbours(&localised, frame, cropper, trace);
         self.measure(&localised);
         if localised.state == State::Lost {
-            trace.stage(Stage::Redetect);
+            trace.event(Event::Stage(Stage::Redetect));
             self.redetect(&mut localised, frame, cropper, trace);
         }
         self.settle(&localised, frame, cropper, trace);
-        trace.stage(Stage::Learn);
+        trace.event(Event::Stage(Stage::Learn));
         self.learn(&localised, frame, cropper);
     }
 
-    /// Looks for the target where it is expected, in turned pictures as well if it answers poorly: features and response map
-    /// (eqs 5 and 6). Moves what is known of motion on to this frame.
+    /// Looks for the target where it is expected, in turned pictures as well if it answers poorly: features and
+    /// response map (eqs 5 and 6). Moves what is known of motion on to this frame.
     fn look(&mut self, frame: &Frame, cropper: &mut Cropper, dt: f64, trace: &mut dyn Trace) -> Expected {
         let expected = self.look_ahead(frame, cropper, dt);
         self.motion.predict(expected.elapsed);
         self.neighbours.predict(expected.elapsed);
-        trace.prediction(Rect::around(expected.place, self.rect.size()));
+        trace.event(Event::Prediction(Rect::around(expected.place, self.rect.size())));
         self.blind = self.appearance.correlator.is_blank();
         self.look_turned(frame, cropper);
         self.appearance.correlator.show(trace);
         expected
     }
 
-    /// Looks where the target is expected `dt` frames later. Stamps tell of a gap where frames were skipped, and likewise where
-    /// none was and the link stalled; so where that makes another place of it, the next frame's is looked at as well, and the
-    /// better answer says how many frames have passed. Not for a lost one: the more looks, the more often something else is
-    /// taken for it.
+    /// Looks where the target is expected `dt` frames later. Stamps tell of a gap where frames were skipped, and
+    /// likewise where none was and the link stalled; so where that makes another place of it, the next frame's is
+    /// looked at as well, and the better answer says how many frames have passed. Not for a lost one: the more looks,
+    /// the more often something else is taken for it.
     fn look_ahead(&mut self, frame: &Frame, cropper: &mut Cropper, dt: f64) -> Expected {
         let Self { appearance: Appearance { correlator, confidence, .. }, motion, rect, turn, .. } = self;
         let [later, next] = [dt, 1.0].map(|dt| frame.nearest(motion.expected(rect.centre(), dt)));
@@ -276,20 +288,23 @@ impl Followed {
         Expected { place: later, elapsed: dt }
     }
 
-    /// Looks for a target that answers poorly in turned pictures as well, and stays with the first in which it is certain
-    /// and answers much better. Not for a lost one: the more looks, the more often something else is taken for it.
+    /// Looks for a target that answers poorly in turned pictures as well, and stays with the first in which it is
+    /// certain and answers much better. Not for a lost one: the more looks, the more often something else is taken for
+    /// it.
     fn look_turned(&mut self, frame: &Frame, cropper: &mut Cropper) {
         let Self { params, appearance: Appearance { correlator, confidence, .. }, rect, turn, .. } = self;
-        let settings = &params.turn;
         let response = correlator.highest().response;
-        let poor = settings.enabled
-            && confidence.state() != State::Lost
-            && rect.w.max(rect.h) <= settings.aspect * rect.w.min(rect.h)
-            && confidence.quality(response) < settings.below;
-        let Some(others) = turn.others(poor, !confidence.is_certain(response), settings.step) else {
+        let fit = match confidence.is_certain(response) {
+            _ if !params.turn.enabled || confidence.state() == State::Lost => Fit::Good,
+            _ if rect.w.max(rect.h) > turn::MOST_ASPECT * rect.w.min(rect.h) => Fit::Good,
+            _ if confidence.quality(response) >= turn::POOR => Fit::Good,
+            true => Fit::Poor,
+            false => Fit::Uncertain,
+        };
+        let Some(others) = turn.others(fit) else {
             return;
         };
-        let much_better = |other| confidence.is_certain(other) && other >= settings.gain * response;
+        let much_better = |other| confidence.is_certain(other) && other >= turn::GAIN * response;
         let chosen = others.into_iter().find(|&turn| correlator.look_turned(frame, cropper, turn, much_better));
         turn.chose(chosen);
     }
@@ -347,9 +362,9 @@ impl Followed {
         (1.0 + self.params.svm.opinion * margin).clamp(0.0, 1.0)
     }
 
-    /// Where the target is taken to be: at the answer as far as the filter's response is believed, else where it was expected.
-    /// The detector's opinion decides whether the target is there at all, not where. Without the gate it is at the answer, as
-    /// in the paper.
+    /// Where the target is taken to be: at the answer as far as the filter's response is believed, else where it was
+    /// expected. The detector's opinion decides whether the target is there at all, not where. Without the gate it is
+    /// at the answer, as in the paper.
     fn place(&self, answer: &Answer, expected: [f64; 2], frame: &Frame) -> [f64; 2] {
         let trust = match self.appearance.state() {
             _ if !self.params.confidence.gate => 1.0,
@@ -361,8 +376,8 @@ impl Followed {
         frame.nearest([between(0), between(1)])
     }
 
-    /// Follows what looks like the target, the target itself being at the answer if that is certain. Then other peaks that the
-    /// detector takes for it as well become neighbours.
+    /// Follows what looks like the target, the target itself being at the answer if that is certain. Then other peaks
+    /// that the detector takes for it as well become neighbours.
     fn watch_neighbours(&mut self, found: &Localised, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) {
         let Self { appearance: Appearance { correlator, confidence, .. }, neighbours, detector, rect, .. } = self;
         let (answers, usual, unit) = (correlator.answers(), confidence.usual(), rect.scale());
@@ -381,9 +396,9 @@ impl Followed {
         neighbours.show(rect.size(), trace);
     }
 
-    /// Updates the GM-PHD filter by the estimated position, so that it knows the target's motion when that has to be found again.
-    /// Without the gate this is done in every frame, as in Algorithm 1; otherwise the position must be believed first: see
-    /// [`settle`](Self::settle).
+    /// Updates the GM-PHD filter by the estimated position, so that it knows the target's motion when that has to be
+    /// found again. Without the gate this is done in every frame, as in Algorithm 1; otherwise the position must be
+    /// believed first: see [`settle`](Self::settle).
     fn measure(&mut self, found: &Localised) {
         if self.params.confidence.gate {
             return;
@@ -395,8 +410,8 @@ impl Followed {
         }
     }
 
-    /// Takes up a lost target where the correlation filter and the detector agree that it is: where it was expected, or where
-    /// the detector proposes and the GM-PHD filter finds it most likely.
+    /// Takes up a lost target where the correlation filter and the detector agree that it is: where it was expected, or
+    /// where the detector proposes and the GM-PHD filter finds it most likely.
     fn redetect(&mut self, found: &mut Localised, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) {
         let again = self.again(found, frame, cropper).or_else(|| self.proposed(found, frame, cropper, trace));
         if let Some(Answer { centre, response }) = again {
@@ -417,9 +432,9 @@ impl Followed {
         is_it.then_some(answer)
     }
 
-    /// The detector's proposals, filtered by the GM-PHD filter; the heaviest component as the correlation filter sees it, if
-    /// that is the target. Without the gate the target is where that component is, as in Algorithm 1, otherwise where the
-    /// filter answers best around it.
+    /// The detector's proposals, filtered by the GM-PHD filter; the heaviest component as the correlation filter sees
+    /// it, if that is the target. Without the gate the target is where that component is, as in Algorithm 1, otherwise
+    /// where the filter answers best around it.
     fn proposed(
         &mut self,
         found: &Localised,
@@ -428,7 +443,7 @@ impl Followed {
         trace: &mut dyn Trace,
     ) -> Option<Answer> {
         self.detector.scan(frame, cropper, &found.rect, &mut self.proposals);
-        trace.proposals(&self.proposals);
+        trace.event(Event::Proposals(&self.proposals));
         let heaviest = self.motion.filter(self.proposals.iter().map(|p| p.rect))?;
         let place = frame.nearest(heaviest.centre());
         let correlator = &mut self.appearance.correlator;
@@ -450,15 +465,15 @@ impl Followed {
         self.detector.margin(frame, cropper, &place) >= self.params.svm.least_margin
     }
 
-    /// Takes over where the target is and how sure that is, estimates its size, and tells the motion model what has become of
-    /// it.
+    /// Takes over where the target is and how sure that is, estimates its size, and tells the motion model what has
+    /// become of it.
     fn settle(&mut self, found: &Localised, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) {
         let Localised { expected, rect, response, judged, steady, .. } = *found;
         (self.rect, self.response, self.judged) = (rect, response, judged);
         self.reacquired = found.is_reacquired();
         self.lost_for = if found.state == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
         if found.state == State::Tracking && !self.reacquired && steady && self.params.scale.enabled {
-            trace.stage(Stage::Scale);
+            trace.event(Event::Stage(Stage::Scale));
             self.rect = self.appearance.resized(frame, cropper, &self.rect);
         }
         match found.state {
@@ -470,8 +485,8 @@ impl Followed {
         }
     }
 
-    /// Updates filter, scale filter and detector with the target as it is in this frame; without the gate in every frame, as in
-    /// Algorithm 1. Then what the mark left to learn of the first frame: a little in each of the next.
+    /// Updates filter, scale filter and detector with the target as it is in this frame; without the gate in every
+    /// frame, as in Algorithm 1. Then what the mark left to learn of the first frame: a little in each of the next.
     fn learn(&mut self, found: &Localised, frame: &Frame, cropper: &mut Cropper) {
         let gate = self.params.confidence.gate;
         let is_good = found.state == State::Tracking && !self.reacquired;
@@ -489,15 +504,18 @@ impl Followed {
         self.appearance.correlator.learn_look(cropper);
     }
 
-    /// Takes over parameters. What filters and detector are made of waits until they can be made anew: see
-    /// [`remake`](Self::remake).
-    fn retune(&mut self, params: &LcmhtParams, cnn: Option<&SharedCnn>) {
+    /// Takes over parameters, and says whether its motion filter begins anew. What filters are made of waits
+    /// until they can be made anew: see [`remake`](Self::remake).
+    fn retune(&mut self, params: &LcmhtParams, cnn: Option<&SharedCnn>) -> bool {
+        let moves_anew = self.motion.retune(&params.motion, &self.rect);
         self.neighbours.retune(&params.neighbours);
-        self.motion.retune(&params.motion, &params.phd, &self.rect);
         self.detector.retune(settings::detector(&params.svm));
-        let taken = settings::with_made(&self.params, params);
-        self.appearance.retune(&settings::appearance(&taken), cnn.filter(|_| taken.cnn == params.cnn));
+        let mut taken = params.clone();
+        taken.keep(&self.params);
+        let fits = !params.differs(&taken, Need::Network);
+        self.appearance.retune(&settings::appearance(&taken), cnn.filter(|_| fits));
         self.params = taken;
+        moves_anew
     }
 
     /// Makes anew what changed parameters ask for, from the target as it is in this frame, which is certain.
@@ -505,22 +523,32 @@ impl Followed {
         &mut self,
         params: &LcmhtParams,
         cnn: Option<SharedCnn>,
-        seed: u64,
         frame: &Frame,
         cropper: &mut Cropper,
+        trace: &mut dyn Trace,
     ) {
         let made = std::mem::replace(&mut self.params, params.clone());
-        if settings::with_made_filters(&made, params) != *params {
+        let anew = |need| params.differs(&made, need);
+        if anew(Need::Filters) || anew(Need::Network) {
             let worth = self.appearance.remake(&settings::appearance(params), cnn, frame, cropper, &self.rect);
             self.turn = Turn::upright();
             (self.response, self.judged) = (self.response * worth, self.judged * worth);
         }
-        if made.scale != params.scale {
+        if anew(Need::Scale) {
             self.appearance.remake_scale(settings::scale(&params.scale).as_ref(), frame, cropper, &self.rect);
         }
-        if made.svm.template_cells != params.svm.template_cells {
-            self.detector = detector(params, seed, frame, cropper, &self.rect);
-        }
+        Need::ALL
+            .into_iter()
+            .filter(|&need| need.waits() && anew(need))
+            .for_each(|need| trace.event(Event::MadeAnew(need)));
+    }
+}
+
+/// Whether both are the same network, or none.
+fn is_same(a: &Option<SharedCnn>, b: &Option<SharedCnn>) -> bool {
+    match (a, b) {
+        (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+        (a, b) => a.is_none() && b.is_none(),
     }
 }
 

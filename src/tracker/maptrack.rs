@@ -1,11 +1,11 @@
-//! Many moving targets, found without a mark: MAPTrack (Basu, Karki, Stagg, DiBiano, Ganguly and Mukhopadhyay, *MAPTrack: a
-//! probabilistic real time tracking framework by integrating motion, appearance and position models*).
+//! Many moving targets, found without a mark: MAPTrack (Basu, Karki, Stagg, DiBiano, Ganguly and Mukhopadhyay,
+//! *MAPTrack: a probabilistic real time tracking framework by integrating motion, appearance and position models*).
 //!
-//! What moves is told from the background by an adaptive mixture of Gaussians. Blobs of it that last are taken up as targets.
-//! A target is followed by three images of the region where it is expected: what moves, what has its colours, and how
-//! near each place is to the expected one; together they make the composite probability image, on which mean shift finds
-//! the target. One that is hidden is held where its velocity would have led it, until enough of it moves again.
-//! `Maptrack::step` is the way of a frame, `Track::step` that of a target in it.
+//! What moves is told from the background by an adaptive mixture of Gaussians. Blobs of it that last are taken up as
+//! targets. A target is followed by three images of the region where it is expected: what moves, what has its colours,
+//! and how near each place is to the expected one; together they make the composite probability image, on which mean
+//! shift finds the target. One that is hidden is held where its velocity would have led it, until enough of it moves
+//! again. `Maptrack::step` is the way of a frame, `Track::step` that of a target in it.
 //!
 //! | file | what it holds |
 //! |---|---|
@@ -33,6 +33,7 @@ mod view;
 
 use std::sync::Arc;
 
+use super::made::Made;
 use super::targets::Targets;
 use super::{NewId, Output, Tracker};
 use crate::crop::Cropper;
@@ -40,12 +41,12 @@ use crate::detect::blobs::Blob;
 use crate::frame::Frame;
 use crate::geometry::{Rect, distance};
 use crate::network::SharedCnn;
-use crate::params::{MaptrackParams, Params};
-use crate::trace::{Proposal, Stage, Trace};
+use crate::params::{Group as _, MaptrackParams, Need, Params};
+use crate::trace::{Event, Proposal, Stage, Trace};
 use find::{Candidate, Candidates, fits};
 use region::Region;
-use track::Track;
-use view::{NOBODY, View};
+use track::{MARGIN, Track, WIDTHS};
+use view::{NOBODY, SceneView};
 
 /// A blob belongs to a target if they share this part of the smaller of their boxes.
 const SHARED: f64 = 0.3;
@@ -56,7 +57,7 @@ const FRINGE: f64 = 1.2;
 pub struct Maptrack {
     params: MaptrackParams,
     cropper: Cropper,
-    view: View,
+    view: SceneView,
     region: Region,
     candidates: Candidates,
     targets: Targets<Track>,
@@ -65,6 +66,8 @@ pub struct Maptrack {
     own: Vec<Option<Rect>>,
     /// Scratch: the blobs to show.
     proposals: Vec<Proposal>,
+    /// What changed parameters had made anew since the last frame.
+    made: Made,
 }
 
 impl Maptrack {
@@ -72,7 +75,7 @@ impl Maptrack {
     pub fn new(params: &Params) -> Self {
         let params = params.maptrack.clone();
         Self {
-            view: View::new(&params),
+            view: SceneView::new(&params),
             params,
             cropper: Cropper::default(),
             region: Region::default(),
@@ -81,6 +84,7 @@ impl Maptrack {
             unexplained: Vec::new(),
             own: Vec::new(),
             proposals: Vec::new(),
+            made: Made::default(),
         }
     }
 
@@ -94,7 +98,7 @@ impl Maptrack {
         proposals.clear();
         let fitting = view.blobs().iter().filter(|blob| fits(blob, area, &params.find));
         proposals.extend(fitting.map(|blob| Proposal { rect: view.to_frame(&blob.rect), score: 1.0 }));
-        trace.proposals(proposals);
+        trace.event(Event::Proposals(proposals));
     }
 
     /// Lets each target expect its place or recognise it, and each moving pixel be the target's that it suits best.
@@ -107,7 +111,7 @@ impl Maptrack {
         if params.groups.share && targets.as_slice().len() > 1 {
             view.open_claims();
             for (i, target) in targets.as_slice().iter().enumerate().filter(|(_, target)| !target.is_hidden()) {
-                target.claim(view, number(i), params);
+                target.claim(view, number(i));
             }
         }
     }
@@ -162,12 +166,12 @@ impl Maptrack {
         view.unexplained(boxes, params.find.lambda, unexplained);
         let mut started = 0;
         candidates.step(unexplained, dt, view.bounds().area(), &params.find, |candidate| {
-            let track = Track::found("".into(), &candidate, view, region, params);
+            let track = Track::found("".into(), &candidate, view, region);
             if let Some(hidden) = recalled(targets, &track, &candidate, params) {
                 hidden.take_over(track);
             } else if started < room {
                 started += 1;
-                targets.add(Track::found(ids(), &candidate, view, region, params));
+                targets.add(Track::found(ids(), &candidate, view, region));
             }
         });
     }
@@ -180,7 +184,7 @@ fn recalled<'a>(
     candidate: &Candidate,
     params: &MaptrackParams,
 ) -> Option<&'a mut Track> {
-    let reach = params.occlusion.widths * params.model.margin * candidate.rect.w;
+    let reach = WIDTHS * MARGIN * candidate.rect.w;
     let fits = |target: &Track| {
         target.is_hidden()
             && distance(target.expected.centre(), candidate.rect.centre()) < reach
@@ -203,14 +207,14 @@ fn union(a: &Rect, b: &Rect) -> Rect {
 
 impl Tracker for Maptrack {
     fn start(&mut self, id: &Arc<str>, frame: &Frame, rect: Rect, trace: &mut dyn Trace) {
-        trace.stage(Stage::Learn);
+        trace.event(Event::Stage(Stage::Learn));
         let Self { view, region, params, cropper, .. } = self;
         if view.is_fresh() {
             view.look(frame, params);
         } else {
             view.see(frame, params);
         }
-        let mut track = Track::marked(id.clone(), view.to_view(&rect), view, region, params);
+        let mut track = Track::marked(id.clone(), view.to_view(&rect), view, region);
         track.learn_pattern(frame, cropper, &rect, params);
         self.targets.add(track);
     }
@@ -226,13 +230,13 @@ impl Tracker for Maptrack {
     fn clear(&mut self) {
         self.targets = Targets::default();
         self.candidates.clear();
-        self.view = View::new(&self.params);
+        self.view = SceneView::new(&self.params);
     }
 
     /// Motion in frames that have passed is not known any more: colours and position lead alone.
     fn catch_up(&mut self, id: &str, frame: &Frame, dt: f64, trace: &mut dyn Trace) {
         let Self { view, region, params, targets, cropper, .. } = self;
-        trace.stage(Stage::Localise);
+        trace.event(Event::Stage(Stage::Localise));
         if let Some(target) = targets.get_mut(id) {
             view.see(frame, params);
             target.expect_either(view, region, dt, params);
@@ -243,14 +247,15 @@ impl Tracker for Maptrack {
     }
 
     fn step(&mut self, frame: &Frame, dt: f64, ids: &mut NewId, trace: &mut dyn Trace) {
-        trace.stage(Stage::Features);
+        self.made.show(trace);
+        trace.event(Event::Stage(Stage::Features));
         self.look(frame, trace);
-        trace.stage(Stage::Localise);
+        trace.event(Event::Stage(Stage::Localise));
         self.share(frame, dt);
         self.assign();
         self.follow(trace);
         self.end();
-        trace.stage(Stage::Redetect);
+        trace.event(Event::Stage(Stage::Redetect));
         self.find(dt, ids);
     }
 
@@ -259,7 +264,10 @@ impl Tracker for Maptrack {
     }
 
     fn retune(&mut self, params: &Params, _: Option<SharedCnn>) {
-        self.params = params.maptrack.clone();
-        self.view.retune(&self.params);
+        let old = std::mem::replace(&mut self.params, params.maptrack.clone());
+        if self.params.differs(&old, Need::Background) {
+            self.view.forget_background(&self.params);
+            self.made.note(Need::Background);
+        }
     }
 }

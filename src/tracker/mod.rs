@@ -9,6 +9,7 @@
 mod build;
 pub mod etepf;
 pub mod lcmht;
+mod made;
 pub mod maptrack;
 mod targets;
 

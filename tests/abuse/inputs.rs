@@ -1,4 +1,5 @@
-//! Inputs that ask for more memory or time than they are worth, files that never end, and outputs that cannot be written.
+//! Inputs that ask for more memory or time than they are worth, files that never end, and outputs that cannot be
+//! written.
 
 mod bytes;
 mod images;

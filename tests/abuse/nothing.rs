@@ -1,4 +1,5 @@
-//! Marks on what cannot be followed, and targets whose picture becomes such: a box that creeps there would turn a camera.
+//! Marks on what cannot be followed, and targets whose picture becomes such: a box that creeps there would turn a
+//! camera.
 
 use std::path::Path;
 

@@ -104,10 +104,10 @@ fn sqlite(path: &Path, mode: &str, frames: impl Iterator<Item = (u64, Vec<u8>)>)
     let bag = Connection::open(path).expect("a database");
     bag.pragma_update(None, "journal_mode", mode).expect("the mode");
     bag.execute_batch(
-        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT NOT \
-         NULL, offered_qos_profiles TEXT NOT NULL);
-         CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB NOT \
-         NULL);
+        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT \
+         NOT NULL, offered_qos_profiles TEXT NOT NULL);
+         CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data \
+         BLOB NOT NULL);
          INSERT INTO topics VALUES(1, '/eye', 'sensor_msgs/msg/Image', 'cdr', '');",
     )
     .expect("the tables");
@@ -312,8 +312,8 @@ fn a_file_that_is_compressed_as_a_whole_is_told_with_the_way_out() {
     let dir = folder();
     let whole = mcap(&[images("/eye", 0..4)], plain());
     let packed = write(dir.path().join("a_0.mcap.zstd"), zstd::encode_all(whole.as_slice(), 1).expect("compressed"));
-    let metadata = "rosbag2_bagfile_information: {version: 9, relative_file_paths: [a_0.mcap.zstd], compression_format: \
-                    zstd, compression_mode: FILE}";
+    let metadata = "rosbag2_bagfile_information: {version: 9, relative_file_paths: [a_0.mcap.zstd], \
+                    compression_format: zstd, compression_mode: FILE}";
     let way = "compressed as a whole (zstd), which is not read; unpack it first with 'zstd -d";
     assert_told(&packed, &track(&packed, &[]), &[way]);
     assert_told(&packed, &track(dir.path(), &[]), &[way]);

@@ -1,8 +1,7 @@
-//! Stamps that lie, stand still, jump or come in bursts: the same pictures are followed as well, however they are stamped.
-//! Where frames are truly skipped, stamps tell how far the target has come.
+//! Stamps that lie, stand still, jump or come in bursts: the same pictures are followed as well, however they are
+//! stamped. Where frames are truly skipped, stamps tell how far the target has come.
 
 use std::fmt::Display;
-use std::path::Path;
 
 use long_term_tracker::decode::decode;
 use long_term_tracker::frame::FrameBuffer;
@@ -11,6 +10,8 @@ use long_term_tracker::replay::truth;
 use long_term_tracker::{Encoding, Rect, Session};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+
+use super::support::sequence;
 
 /// A frame period in nanoseconds.
 const PERIOD: i64 = 33_333_333;
@@ -72,11 +73,7 @@ impl Clip {
 
     /// The beginning of a sequence; `None` where there is no video.
     fn real(name: &'static str, frames: usize) -> Option<Self> {
-        let Some(root) = std::env::var_os("SEQUENCES_DIR") else {
-            eprintln!("SEQUENCES_DIR is not set: nothing was tested on {name}");
-            return None;
-        };
-        let folder = Path::new(&root).join(name);
+        let folder = sequence(name)?;
         let entries = std::fs::read_dir(folder.join("img")).unwrap();
         let mut files: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
         files.sort();
@@ -196,8 +193,8 @@ fn drawn(clip: &Clip, seed: u64) -> Vec<(String, Plan)> {
     plans
 }
 
-/// The parameters of an algorithm; of the default one without the network, which takes most of the time, and of MAPTrack
-/// also as its paper has it, without a pattern.
+/// The parameters of an algorithm; of the default one without the network, which takes most of the time, and of
+/// MAPTrack also as its paper has it, without a pattern.
 fn params(algorithm: &str) -> Params {
     let (name, off) = (Value::String(algorithm.split(' ').next().unwrap().into()), Value::Bool(false));
     let (pattern, most) = (Value::Bool(algorithm != PAPERS_MAPTRACK), Value::Integer(0));

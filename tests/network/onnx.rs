@@ -50,8 +50,8 @@ pub struct Convolution {
     pub inputs: usize,
 }
 
-/// A network of convolutions, one after the other, whose outputs are those of all of them. `shape` is that of its input,
-/// named `image`; a 0 is a side that is free.
+/// A network of convolutions, one after the other, whose outputs are those of all of them. `shape` is that of its
+/// input, named `image`; a 0 is a side that is free.
 pub fn network(shape: &[usize], convolutions: &[Convolution]) -> Vec<u8> {
     let mut graph = Message::default().text(2, "test");
     let mut present = "image";

@@ -69,8 +69,6 @@ def parameters(default_file):
 
     defaults = parameter_dict_from_yaml_file(default_file, use_wildcard=True)
     defaults = {name: parameter_value_to_python(p.value) for name, p in defaults.items()}
-    # rclpy makes text of the smallest numbers.
-    defaults["lcmht.phd.prune"] = float(defaults["lcmht.phd.prune"])
     qos = [f"qos_overrides./image.subscription.{p}" for p in ("depth", "durability", "history", "reliability")]
     names = every_name(client, sorted([*defaults, "use_sim_time", *qos]))
     descriptors(client, names)
@@ -98,9 +96,11 @@ def parameters(default_file):
 def every_name(client, expected):
     """All names are listed, and those below a prefix or above a depth."""
     listed = client.list_parameters().result
-    assert listed.names == expected, set(listed.names) ^ set(expected)
+    assert sorted(listed.names) == expected, set(listed.names) ^ set(expected)
+    # Those that are met first in front, those for ablation last.
+    assert listed.names[0] == "algorithm" and listed.names.index("lcmht.filter.kind") > listed.names.index("use_sim_time")
     assert {"debug", "lcmht.svm"} <= set(listed.prefixes), listed.prefixes
-    assert client.list_parameters(["debug"]).result.names == ["debug.compressed_max_side", "debug.jpeg_quality", "debug.max_side"]
+    assert client.list_parameters(["debug"]).result.names == ["debug.max_side", "debug.compressed_max_side", "debug.jpeg_quality"]
     assert all("." not in n for n in client.list_parameters(depth=1).result.names)
     return listed.names
 
@@ -121,7 +121,7 @@ def descriptors(client, names):
     assert (side.from_value, side.to_value) == (16, 4096)
     fixed = {name for name, d in known.items() if d.read_only}
     assert {"seed", "algorithm", "qos_overrides./image.subscription.depth"} <= fixed, fixed
-    assert not {"debug.max_side", "use_sim_time", "lcmht.svm.c"} & fixed, fixed
+    assert not {"debug.max_side", "use_sim_time", "lcmht.svm.opinion"} & fixed, fixed
     assert "lcmht" in known["algorithm"].additional_constraints
 
 

@@ -17,8 +17,8 @@ const AGAIN: Duration = Duration::from_millis(100);
 
 /// A domain that is this process's alone for as long as the value lives.
 ///
-/// Who holds it is bound to a port of the domain that nobody else needs. So it is free again when its holder ends, however
-/// that ends, and it is held exactly where it could be met: in one network.
+/// Who holds it is bound to a port of the domain that nobody else needs. So it is free again when its holder ends,
+/// however that ends, and it is held exactly where it could be met: in one network.
 pub struct Domain {
     /// Its number.
     pub number: u16,

@@ -7,8 +7,8 @@ use rustix::time::{ClockId, clock_gettime};
 /// Processor time that is spent to see how long it takes.
 const WORK: Duration = Duration::from_millis(100);
 
-/// How many times its processor time a thread takes at present: 1 on an idle machine, about N/C where N threads want to run
-/// on C processors.
+/// How many times its processor time a thread takes at present: 1 on an idle machine, about N/C where N threads want to
+/// run on C processors.
 pub fn slowness() -> f64 {
     let spent = || {
         let now = clock_gettime(ClockId::ThreadCPUTime);

@@ -8,8 +8,10 @@ mod environment;
 mod machine;
 #[cfg(feature = "ros")]
 mod process;
+mod sequences;
 
 pub use environment::Environment;
 pub use machine::slowness;
 #[cfg(feature = "ros")]
 pub use process::{Node, Peer, domain, scenario};
+pub use sequences::sequence;

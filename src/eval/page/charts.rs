@@ -11,7 +11,8 @@ use plotters::prelude::*;
 
 use crate::eval::calibration::Calibration;
 use crate::eval::otb::{LARGEST_DISTANCE, OVERLAP_THRESHOLDS, overlap_threshold};
-use crate::eval::report::{Report, Table};
+use crate::eval::report::Report;
+use crate::eval::table::Table;
 
 /// Why a diagram could not be drawn.
 pub type ChartError = DrawingAreaErrorKind<std::io::Error>;

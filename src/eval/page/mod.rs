@@ -1,5 +1,5 @@
-//! The report as one page for a browser, with nothing beside it: diagrams are SVG in the page, pictures are in its text,
-//! and there is no script. `results.json` beside it holds the figures.
+//! The report as one page for a browser, with nothing beside it: diagrams are SVG in the page, pictures are in its
+//! text, and there is no script. `results.json` beside it holds the figures.
 //!
 //! `charts` draws, `filmstrip` takes pictures; `report.html` is the template and `style.css` gives the looks, which
 //! follow the reader's light or dark scheme.
@@ -19,8 +19,9 @@ use super::dataset::Sequence;
 use super::long_term::LongTerm;
 use super::moments::worst;
 use super::otb::OVERLAP_THRESHOLDS;
-use super::report::{Hard, Report, Row, Table};
+use super::report::Report;
 use super::run::Run;
+use super::table::{Hard, Row, Table};
 use crate::replay::ReplayError;
 
 /// The files in the report's folder.
@@ -37,6 +38,7 @@ const STYLE: &str = include_str!("style.css");
 
 /// Why a page could not be made.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum PageError {
     /// A frame that was to be shown cannot be read.
     #[error(transparent)]

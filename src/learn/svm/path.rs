@@ -4,11 +4,12 @@
 //! Source: Diehl and Cauwenberghs 2003, sections 2 and 3, with a single unlearned example.
 
 use super::gram::RIDGE;
-use super::state::{Set, State};
+use super::state::{Set, SolverState};
 
 /// Slower changes are rounding.
 const STILL: f64 = 1e-11;
-/// A new margin vector must change its own margin by this much a unit of its coefficient; the ridge alone gives `RIDGE`.
+/// A new margin vector must change its own margin by this much a unit of its coefficient; the ridge alone gives
+/// `RIDGE`.
 const MIN_SCHUR: f64 = RIDGE / 4.0;
 
 /// What ends a straight piece of the path.
@@ -39,7 +40,7 @@ impl First {
     }
 }
 
-impl State {
+impl SolverState {
     /// Raises the coefficient of `moving` from 0 until its conditions hold; false where the path ends before.
     pub(super) fn grow(&mut self, moving: usize) -> bool {
         self.travel(moving, 1.0)

@@ -3,14 +3,14 @@
 //!
 //! It stands in where the adiabatic increments cannot go on, and takes up changed settings.
 
-use super::state::{Set, State};
+use super::state::{Set, SolverState};
 
 /// Most steps to one tolerance. It bounds the time only: a hundred examples take some thousand steps.
 const MAX_STEPS: usize = 50_000;
 /// Tolerances in turn. Margin vectors are found by the first as a rule; one exact step on them then ends the search.
 const TOLERANCES: [f64; 3] = [1e-6, 1e-9, 1e-12];
 
-impl State {
+impl SolverState {
     /// Solves the problem of all kept examples.
     pub(super) fn resolve(&mut self) {
         self.resolves += 1;

@@ -21,7 +21,7 @@ const CORRECTIONS: usize = 3;
 
 /// The problem and its solution: coefficient `a_i` in `[0, C]`, label `y_i`, margin `m_i = y_i f(x_i) - 1`, bias.
 #[derive(Clone, Debug)]
-pub(super) struct State {
+pub(super) struct SolverState {
     pub(super) gram: Gram,
     pub(super) c: f64,
     pub(super) labels: Vec<f64>,
@@ -40,7 +40,7 @@ pub(super) struct State {
     pub(super) resolves: usize,
 }
 
-impl State {
+impl SolverState {
     pub(super) fn new(gram: Gram, c: f64) -> Self {
         Self {
             gram,

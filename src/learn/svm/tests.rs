@@ -280,12 +280,16 @@ fn contradictions_and_repetitions_are_borne() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default()
+    })]
 
     /// Coordinates on a coarse grid make duplicates, contradictions and ties frequent.
     #[test]
     fn the_conditions_hold_after_every_operation(
-        operations in prop::collection::vec((prop::array::uniform2(0u8..6), any::<bool>(), 0u8..100, any::<prop::sample::Index>()), 1..70),
+        operations in prop::collection::vec(
+            (prop::array::uniform2(0u8..6), any::<bool>(), 0u8..100, any::<prop::sample::Index>()), 1..70,
+        ),
         c in prop::sample::select(vec![0.1, 1.0, 2.0, 5.0]),
         grid in prop::sample::select(vec![0.05f32, 0.3, 1.0]),
     ) {

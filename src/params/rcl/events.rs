@@ -4,10 +4,11 @@
 //! not show: names may come twice, documents follow each other, lists may hold lists. So does this, step by step, for
 //! what other nodes take from a file must be taken here too.
 
-use super::libyaml::{Event, Parser};
+use yaml_events::{Event, Parser};
+
 use super::names::{Nested, check_nodes, length};
 use super::{Origin, Overrides, PARAMETERS_KEY, Place, scalar};
-use crate::params::{Kind, Value};
+use crate::params::{Value, ValueKind};
 
 /// The deepest nesting of lists and maps. rcl has no limit, but the time to read grows with the depth.
 const DEEPEST: u32 = 64;
@@ -46,7 +47,7 @@ struct Walk<'a> {
 enum List {
     None,
     Empty,
-    Of(Kind),
+    Of(ValueKind),
 }
 
 /// Takes in a parameter file; gives the nodes it names.
@@ -95,7 +96,7 @@ pub fn value(text: &str, origin: Origin, at: (usize, usize), to: &mut Overrides)
 fn each_event(text: &str, mut take: impl FnMut(Event, Place) -> Result<(), String>) -> Result<(), String> {
     let mut depth = 0u32;
     for event in Parser::new(text) {
-        let (event, place) = event.map_err(|e| format!("{}: {}", e.place, e.why))?;
+        let (event, place) = event.map_err(|e| e.to_string())?;
         let told = |why: String| format!("{place}: {why}");
         match event {
             Event::ListStart | Event::MapStart => depth += 1,

@@ -3,10 +3,10 @@
 //! A file that other nodes of a system take must be taken here too, with the same values, and what rcl refuses is
 //! refused. So this follows rcl's own reader, which reads YAML by libyaml and has rules of its own for everything
 //! above it: [`scalar`] for the types of values, [`names`] for those of nodes and parameters, [`events`] for what a
-//! file may hold, from what [`libyaml`] finds in it. [`Overrides`] is what all files and arguments of a process come to.
+//! file may hold, from what [`yaml_events`] finds in it. [`Overrides`] is what all files and arguments of a process
+//! come to.
 
 mod events;
-mod libyaml;
 mod names;
 mod scalar;
 mod text;
@@ -16,28 +16,15 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-use super::{Kind, NodeName, Value, descriptor};
+pub use yaml_events::Place;
+
+use super::{NodeName, Value, ValueKind, descriptor};
 use crate::error::ParamsError;
 
 /// The key under which a node's parameters stand.
 pub const PARAMETERS_KEY: &str = "ros__parameters";
 /// Whom an argument concerns that names no node.
 const EVERY_NODE: &str = "/**";
-
-/// A place in a text, counted from 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
-    /// Line.
-    pub line: u64,
-    /// Character in the line.
-    pub column: u64,
-}
-
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "line {}, column {}", self.line, self.column)
-    }
-}
 
 /// Where a value comes from.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -66,9 +53,9 @@ pub struct Override {
     pub name: String,
     /// The value; `None` for an empty list or map, which tell no type.
     pub value: Option<Value>,
-    /// The types that it was given values of, where those are several. The first of them in the order of [`Kind`]
+    /// The types that it was given values of, where those are several. The first of them in the order of [`ValueKind`]
     /// holds, whichever came last.
-    pub kinds: Vec<Kind>,
+    pub kinds: Vec<ValueKind>,
     /// Where the last value comes from.
     pub origin: Origin,
 }
@@ -77,9 +64,9 @@ impl Override {
     /// The value; an empty list is one of the type that the package's table has for that name.
     pub fn value(&self) -> Value {
         self.value.clone().unwrap_or_else(|| match descriptor(&self.name).map(|d| d.default.kind()) {
-            Some(Kind::BoolArray) => Value::BoolArray(Vec::new()),
-            Some(Kind::IntegerArray) => Value::IntegerArray(Vec::new()),
-            Some(Kind::DoubleArray) => Value::DoubleArray(Vec::new()),
+            Some(ValueKind::BoolArray) => Value::BoolArray(Vec::new()),
+            Some(ValueKind::IntegerArray) => Value::IntegerArray(Vec::new()),
+            Some(ValueKind::DoubleArray) => Value::DoubleArray(Vec::new()),
             _ => Value::StringArray(Vec::new()),
         })
     }

@@ -98,7 +98,7 @@ fn files_and_arguments_come_together_in_their_order() {
     // What names the node came after what is for every node, and so holds on.
     assert_eq!(shown(&overrides), "a=1 b=8 c=3");
     let found = overrides.of(&tracker());
-    assert_eq!(found[2].kinds, [Kind::Integer, Kind::BoolArray]);
+    assert_eq!(found[2].kinds, [ValueKind::Integer, ValueKind::BoolArray]);
     assert_eq!(found[0].origin.place, Some(Place { line: 3, column: 8 }));
     assert!(found[0].origin.to_string().ends_with(", line 3, column 8"));
 }

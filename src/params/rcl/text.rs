@@ -59,7 +59,8 @@ fn utf8(bytes: &[u8]) -> Result<String, String> {
 
 /// Refuses the characters that YAML does not allow.
 pub fn check(text: &str) -> Result<(), String> {
-    let allowed = |c: char| matches!(c, '\t' | '\n' | '\r' | ' '..='~' | '\u{85}' | '\u{a0}'..='\u{fffd}' | '\u{10000}'..='\u{10ffff}');
+    let in_ranges = |c| matches!(c, ' '..='~' | '\u{a0}'..='\u{fffd}' | '\u{10000}'..='\u{10ffff}');
+    let allowed = |c| matches!(c, '\t' | '\n' | '\r' | '\u{85}') || in_ranges(c);
     match text.char_indices().find(|(_, c)| !allowed(*c)) {
         None => Ok(()),
         Some((index, c)) => {

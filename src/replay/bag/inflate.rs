@@ -2,23 +2,42 @@
 
 use std::io::Read;
 
-/// What a Zstandard frame, or several, stands for, which may be `most` bytes; or why not.
-pub fn zstd(bytes: &[u8], most: usize) -> Result<Vec<u8>, String> {
-    if let Some(len) = zstd::decompressed_size(bytes).filter(|&len| len > most as u64) {
-        return Err(format!("{} bytes would become {len}, at most {most} are read", bytes.len()));
-    }
-    // At once: by parts, frames of more than 128 MB would be refused for the window they ask for.
-    zstd::bulk::decompress(bytes, most)
-        .map_err(|e| format!("{} bytes of zstd, at most {most} are read: {e}", bytes.len()))
+/// Why compressed bytes are not read. `len` is how many there are, `most` what they may become.
+#[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
+pub enum InflateError {
+    /// They claim to become more than may be.
+    #[error("{len} bytes would become {claimed}, at most {most} are read")]
+    Claim { len: usize, claimed: u64, most: usize },
+    /// They become more than may be.
+    #[error("{len} bytes become more than {most}")]
+    TooLarge { len: usize, most: usize },
+    /// They are no Zstandard, or become more than may be.
+    #[error("{len} bytes of zstd, at most {most} are read: {source}")]
+    Zstd { len: usize, most: usize, source: std::io::Error },
+    /// They are no LZ4.
+    #[error("{len} bytes of lz4: {source}")]
+    Lz4 { len: usize, source: std::io::Error },
 }
 
-/// What an LZ4 frame stands for, which may be `most` bytes; or why not.
-pub fn lz4(bytes: &[u8], most: usize) -> Result<Vec<u8>, String> {
-    let failed = |e: std::io::Error| format!("{} bytes of lz4: {e}", bytes.len());
+/// What a Zstandard frame, or several, stands for, which may be `most` bytes.
+pub fn zstd(bytes: &[u8], most: usize) -> Result<Vec<u8>, InflateError> {
+    let len = bytes.len();
+    if let Some(claimed) = zstd::decompressed_size(bytes).filter(|&claimed| claimed > most as u64) {
+        return Err(InflateError::Claim { len, claimed, most });
+    }
+    // At once: by parts, frames of more than 128 MB would be refused for the window they ask for.
+    zstd::bulk::decompress(bytes, most).map_err(|source| InflateError::Zstd { len, most, source })
+}
+
+/// What an LZ4 frame stands for, which may be `most` bytes.
+pub fn lz4(bytes: &[u8], most: usize) -> Result<Vec<u8>, InflateError> {
+    let len = bytes.len();
+    let failed = |source| InflateError::Lz4 { len, source };
     let mut data = Vec::new();
     let decoder = lz4::Decoder::new(bytes).map_err(failed)?;
     decoder.take((most as u64).saturating_add(1)).read_to_end(&mut data).map_err(failed)?;
-    if data.len() > most { Err(format!("{} bytes become more than {most}", bytes.len())) } else { Ok(data) }
+    if data.len() > most { Err(InflateError::TooLarge { len, most }) } else { Ok(data) }
 }
 
 #[cfg(test)]
@@ -43,13 +62,13 @@ mod tests {
             [zstd::bulk::compress(&data[..100], 3).unwrap(), zstd::bulk::compress(&data[100..], 3).unwrap()].concat();
         for compressed in [&told, &untold, &two] {
             assert_eq!(zstd(compressed, data.len()).unwrap(), data);
-            let why = zstd(compressed, data.len() - 1).unwrap_err();
+            let why = zstd(compressed, data.len() - 1).unwrap_err().to_string();
             assert!(why.contains("at most 39999 are read"), "{why}");
             assert!(zstd(&compressed[..compressed.len() / 2], data.len()).is_err());
         }
         let compressed = lz4ed(&data);
         assert_eq!(lz4(&compressed, data.len()).unwrap(), data);
-        assert!(lz4(&compressed, data.len() - 1).unwrap_err().ends_with("become more than 39999"));
+        assert!(lz4(&compressed, data.len() - 1).unwrap_err().to_string().ends_with("become more than 39999"));
         assert!(lz4(b"nothing of the kind", 100).is_err());
     }
 }

@@ -1,9 +1,9 @@
 //! Bags in MCAP files. The index at the end of a file tells where the chunks are, and these are read in order of time;
-//! a file that was written without chunks is looked through once instead. Where the index is missing, messages are read in
-//! the order in which they were written.
+//! a file that was written without chunks is looked through once instead. Where the index is missing, messages are read
+//! in the order in which they were written.
 //!
-//! No length in a file is believed: a record must lie in the file, what is read of it or made of it is bounded, and so is
-//! what is held at a time. Records that are not needed, however large, are passed over.
+//! No length in a file is believed: a record must lie in the file, what is read of it or made of it is bounded, and so
+//! is what is held at a time. Records that are not needed, however large, are passed over.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -77,7 +77,7 @@ struct Single {
 }
 
 /// A file with its name for messages.
-struct Source {
+struct McapSource {
     path: PathBuf,
     file: BufReader<File>,
     len: u64,
@@ -85,7 +85,7 @@ struct Source {
     most: usize,
 }
 
-impl Source {
+impl McapSource {
     fn open(path: &Path, limits: &Limits) -> Result<Self, BagError> {
         let failed = |source| BagError::Io { path: path.to_owned(), source };
         let (file, metadata) = crate::file::open(path).map_err(|e| failed(e.into()))?;
@@ -129,8 +129,8 @@ impl Source {
         let note = match (ended, span) {
             (false, None) => return Err(self.cut_off()),
             (false, Some(_)) => format!(
-                "cut off after {} bytes, or broken: what is there is read, in the order in which it was written ('mcap recover' \
-                 makes a whole file of it)",
+                "cut off after {} bytes, or broken: what is there is read, in the order in which it was written ('mcap \
+                 recover' makes a whole file of it)",
                 self.len
             ),
             (true, _) => "without an index of what is in it: read in the order in which it was written".to_owned(),
@@ -213,7 +213,8 @@ impl Source {
         }
     }
 
-    /// Reads a record that describes others. What is known of topics is kept; others that are not needed are passed over.
+    /// Reads a record that describes others. What is known of topics is kept; others that are not needed are passed
+    /// over.
     fn index_record(&mut self, place: Place, into: &mut Channels) -> Result<Option<Record<'static>>, BagError> {
         if !matches!(place.opcode, op::SCHEMA | op::CHANNEL | op::CHUNK_INDEX | op::STATISTICS) {
             return Ok(None);
@@ -277,8 +278,8 @@ impl Source {
     }
 }
 
-/// Passes over the texts and maps of a record, and gives `None` where one does not lie in it: the library makes room for
-/// as many bytes as a text claims before it looks for them.
+/// Passes over the texts and maps of a record, and gives `None` where one does not lie in it: the library makes room
+/// for as many bytes as a text claims before it looks for them.
 fn texts(opcode: u8, mut body: &[u8]) -> Option<()> {
     fn skip<'a>(rest: &mut &'a [u8], len: usize) -> Option<&'a [u8]> {
         let (skipped, after) = rest.split_at_checked(len)?;
@@ -318,7 +319,7 @@ fn texts(opcode: u8, mut body: &[u8]) -> Option<()> {
 
 /// What was recorded in the file.
 pub fn contents(path: &Path, limits: &Limits) -> Result<Contents, BagError> {
-    let mut source = Source::open(path, limits)?;
+    let mut source = McapSource::open(path, limits)?;
     let (channels, layout) = source.layout()?;
     let span = match &layout {
         Layout::Unindexed => return source.unindexed_contents(),
@@ -351,7 +352,7 @@ pub fn contents(path: &Path, limits: &Limits) -> Result<Contents, BagError> {
 
 /// The messages of a topic.
 pub struct Reader {
-    source: Source,
+    source: McapSource,
     order: Order,
 }
 
@@ -365,7 +366,7 @@ enum Order {
 impl Reader {
     /// Finds the messages, not yet reading them.
     pub fn open(path: &Path, topic: &str, limits: &Limits) -> Result<Self, BagError> {
-        let mut source = Source::open(path, limits)?;
+        let mut source = McapSource::open(path, limits)?;
         let (channels, layout) = source.layout()?;
         let wanted = channels.of_topic(topic);
         let order = match layout {

@@ -27,8 +27,8 @@ pub const ZSTD_SUFFIX: &str = "zstd";
 pub struct Metadata {
     /// There is at least one.
     pub files: Vec<PathBuf>,
-    /// Whether they stand in order, as `metadata.yaml` lists them. Without it they are in the order of their names, which need
-    /// not be that of time.
+    /// Whether they stand in order, as `metadata.yaml` lists them. Without it they are in the order of their names,
+    /// which need not be that of time.
     pub ordered: bool,
 }
 
@@ -47,8 +47,8 @@ struct Information {
 }
 
 impl Metadata {
-    /// That of a folder; a file stands for itself. Without the file, which is written when the recording ends, or with one in
-    /// which nothing was written yet, the recordings in the folder are taken.
+    /// That of a folder; a file stands for itself. Without the file, which is written when the recording ends, or with
+    /// one in which nothing was written yet, the recordings in the folder are taken.
     pub fn of(path: &Path) -> Result<Self, BagError> {
         if !path.is_dir() {
             return Ok(Self { files: vec![path.to_owned()], ordered: true });
@@ -93,7 +93,7 @@ impl Metadata {
         let unpacked: Vec<_> = files.clone();
         files.retain(|file| other::suffix(file) != ZSTD_SUFFIX || !unpacked.contains(&file.with_extension("")));
         if files.is_empty() {
-            let why = format!("{} is empty, and no recordings (.mcap, .db3) lie beside it", FILE_NAME);
+            let why = format!("{FILE_NAME} is empty, and no recordings (.mcap, .db3) lie beside it");
             return Err(BagError::Metadata { path: path.to_owned(), why });
         }
         order::sort(&mut files);
@@ -121,8 +121,8 @@ pub fn recordings(path: &Path) -> Result<Vec<PathBuf>, BagError> {
     Ok(files.into_iter().filter(|file| is_named_as_bag(file)).collect())
 }
 
-/// Where the file is. Before version 4 the names began with that of the folder; and a file that was compressed may have been
-/// unpacked since.
+/// Where the file is. Before version 4 the names began with that of the folder; and a file that was compressed may have
+/// been unpacked since.
 fn locate(folder: &Path, file: &str) -> Option<PathBuf> {
     let bare = Path::new(file).file_name()?;
     let unpacked =

@@ -1,7 +1,7 @@
 //! Bags in SQLite files (`.db3`): the tables `topics` and `messages`.
 //!
-//! A file is only read, and may lie where nothing can be written. What a recorder left beside it when it was ended is read too:
-//! its log of what is not in the file yet (`-wal`), or its journal of what was there before (`-journal`).
+//! A file is only read, and may lie where nothing can be written. What a recorder left beside it when it was ended is
+//! read too: its log of what is not in the file yet (`-wal`), or its journal of what was there before (`-journal`).
 
 use std::collections::HashMap;
 use std::ffi::OsString;

@@ -60,8 +60,11 @@ pub fn merge(all: &mut Vec<TopicInfo>, more: Vec<TopicInfo>) {
 /// A topic with images, and what to say of the choice where it was not the user's alone.
 #[derive(Debug)]
 pub struct Choice<'a> {
+    /// The topic.
     pub topic: &'a TopicInfo,
+    /// Of which kind its images are.
     pub picture: Picture,
+    /// What to say of the choice.
     pub note: Option<String>,
 }
 
@@ -107,7 +110,8 @@ fn only<'a>(path: PathBuf, images: &[(&'a TopicInfo, Picture)], all: &[TopicInfo
     }
 }
 
-/// `topics with images: /a (sensor_msgs/msg/Image, 12 messages), ...` by name; where there are none, what else there is.
+/// `topics with images: /a (sensor_msgs/msg/Image, 12 messages), ...` by name; where there are none, what else there
+/// is.
 fn known(images: &[(&TopicInfo, Picture)], all: &[TopicInfo]) -> String {
     let one = |t: &TopicInfo| format!("{} ({}, {} messages)", t.name, t.kind, t.count);
     let mut images: Vec<_> = images.iter().map(|(t, _)| one(t)).collect();
@@ -129,11 +133,11 @@ fn known(images: &[(&TopicInfo, Picture)], all: &[TopicInfo]) -> String {
 fn reason(topics: &[&TopicInfo]) -> &'static str {
     let is = |test: fn(&TopicInfo) -> bool| topics.iter().any(|t| test(t));
     if is(|t| t.format == ROS_1) {
-        "; messages of ROS 1 are not read: convert the original .bag with 'rosbags-convert --src FILE.bag --dst FOLDER' \
-         ('pip install rosbags')"
+        "; messages of ROS 1 are not read: convert the original .bag with 'rosbags-convert --src FILE.bag --dst \
+         FOLDER' ('pip install rosbags')"
     } else if is(|t| VIDEO.iter().any(|kind| t.kind.ends_with(kind))) {
-        "; coded video is not read, for its frames are no images by themselves: record the images, or write them as files \
-         ('ffmpeg -i VIDEO frames/%06d.png') and give that folder"
+        "; coded video is not read, for its frames are no images by themselves: record the images, or write them as \
+         files ('ffmpeg -i VIDEO frames/%06d.png') and give that folder"
     } else {
         "; read are sensor_msgs/msg/Image and sensor_msgs/msg/CompressedImage in cdr"
     }
@@ -158,8 +162,8 @@ mod tests {
         assert_eq!(chosen(&all, None), Ok(("/b".to_owned(), Picture::Raw)));
         all.push(topic("/a", "CompressedImage", 4));
         assert_eq!(chosen(&all, Some("/a")), Ok(("/a".to_owned(), Picture::Compressed)));
-        let known = "topics with images: /a (sensor_msgs/msg/CompressedImage, 4 messages), /b (sensor_msgs/msg/Image, 3 \
-                     messages)";
+        let known = "topics with images: /a (sensor_msgs/msg/CompressedImage, 4 messages), /b (sensor_msgs/msg/Image, \
+                     3 messages)";
         assert_eq!(chosen(&all, None), Err(format!("a.mcap: choose by --topic NAME; {known}")));
         assert_eq!(chosen(&all, Some("/c")), Err(format!("a.mcap: no topic '/c'; {known}")));
         let expected = format!("a.mcap: topic '/imu' holds sensor_msgs/msg/Imu in cdr; {known}");

@@ -154,8 +154,8 @@ fn digits(rest: &mut Chars) -> String {
     taken
 }
 
-/// Reads an exponent as programs write it, with a sign: `e-05`. After a dot a unit may follow it; without, it may be part of
-/// an identifier (`12e-41d4`).
+/// Reads an exponent as programs write it, with a sign: `e-05`. After a dot a unit may follow it; without, it may be
+/// part of an identifier (`12e-41d4`).
 fn exponent(rest: &mut Chars, dotted: bool) -> Option<i32> {
     let text = rest.as_str().strip_prefix(['e', 'E'])?;
     let mut ahead = text.strip_prefix(['+', '-'])?.chars();

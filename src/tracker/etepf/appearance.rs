@@ -1,14 +1,18 @@
-//! What the target looks like: the ensemble that tells its pixels from those around it, and its colours; and what both say
-//! of a place (eqs 3, 4 and 7 to 9).
+//! What the target looks like: the ensemble that tells its pixels from those around it, and its colours; and what both
+//! say of a place (eqs 3, 4 and 7 to 9).
 
-use super::learning::Learning;
-use super::likelihood::View;
+use super::learning::{FIRST_SHARE, Learning};
+use super::likelihood::LikelihoodView;
 use crate::features::colour_histogram::Histogram;
 use crate::features::pixelwise::FEATURES;
 use crate::geometry::Rect;
 use crate::learn::adaboost::Ensemble;
-use crate::params::{EtepfMethod, EtepfParams, EtepfParticles, EtepfUpdate, Observation};
+use crate::params::{EtepfMethod, EtepfParams, EtepfParticles, Observation, SURROUND};
 
+/// How much the distance of colour histograms counts (lambda of eq 8, the paper's value).
+const LAMBDA: f64 = 20.0;
+/// Weight of a learned frame in the recent colours.
+const RECENT: f64 = 0.2;
 /// Contrast below this counts as this much, so that no place is impossible.
 const LEAST_CONTRAST: f64 = 0.001;
 
@@ -38,7 +42,7 @@ impl Evidence {
 
     /// The likelihood of a target there (eq 9), but for a constant factor.
     pub(super) fn likelihood(&self, settings: &EtepfParticles) -> f64 {
-        let colours = (-settings.lambda * (1.0 - self.likeness)).exp();
+        let colours = (-LAMBDA * (1.0 - self.likeness)).exp();
         let stands_out = match (settings.method, settings.observation) {
             (EtepfMethod::Particles, _) => 1.0,
             (_, Observation::Mean) => self.target,
@@ -50,10 +54,10 @@ impl Evidence {
 
 impl Appearance {
     /// Learns the target in `rect`, which the view shows with its surroundings.
-    pub(super) fn new(view: &mut View, rect: &Rect, params: &EtepfParams) -> Self {
-        let mut learning = Learning::new(view, rect, params);
+    pub(super) fn new(view: &mut LikelihoodView, rect: &Rect, params: &EtepfParams) -> Self {
+        let mut learning = Learning::new(view, rect);
         let ensemble = learning.train(params);
-        view.judge(&ensemble, &params.features);
+        view.judge(&ensemble);
         Self { ensemble, learning, colours: Colours::new(view, rect, params.particles.parts as usize) }
     }
 
@@ -63,10 +67,10 @@ impl Appearance {
     }
 
     /// What the view shows of a place.
-    pub(super) fn evidence(&self, view: &View, rect: &Rect, params: &EtepfParams) -> Evidence {
+    pub(super) fn evidence(&self, view: &LikelihoodView, rect: &Rect) -> Evidence {
         Evidence {
             target: view.mean(rect),
-            around: view.mean_around(rect, params.ensemble.surround),
+            around: view.mean_around(rect, SURROUND),
             likeness: self.colours.likeness(view, rect),
         }
     }
@@ -77,15 +81,15 @@ impl Appearance {
     }
 
     /// Takes the target as the view shows it into the ensemble and the colours.
-    pub(super) fn update(&mut self, view: &mut View, rect: &Rect, params: &EtepfParams) {
-        self.learning.add(view, rect, params);
+    pub(super) fn update(&mut self, view: &mut LikelihoodView, rect: &Rect, params: &EtepfParams) {
+        self.learning.add(view, rect);
         self.retrain(params);
-        self.colours.update(view, rect, &params.update);
+        self.colours.update(view, rect);
     }
 }
 
-/// Histograms of the parts of the target, one below the other. One histogram of the whole knows nothing of where a colour
-/// is, so that a box may slide along what has its colours (Perez et al., section 3.3).
+/// Histograms of the parts of the target, one below the other. One histogram of the whole knows nothing of where a
+/// colour is, so that a box may slide along what has its colours (Perez et al., section 3.3).
 struct Colours {
     /// Of the first frame.
     first: Vec<Histogram>,
@@ -96,25 +100,25 @@ struct Colours {
 }
 
 impl Colours {
-    fn new(view: &View, rect: &Rect, parts: usize) -> Self {
+    fn new(view: &LikelihoodView, rect: &Rect, parts: usize) -> Self {
         let first: Vec<_> = (0..parts).map(|k| view.histogram(&part(rect, k, parts))).collect();
         Self { recent: first.clone(), reference: first.clone(), first }
     }
 
     /// The mean likeness of the parts.
-    fn likeness(&self, view: &View, rect: &Rect) -> f64 {
+    fn likeness(&self, view: &LikelihoodView, rect: &Rect) -> f64 {
         let parts = self.reference.len();
         let likeness = |(k, own): (usize, &Histogram)| view.histogram(&part(rect, k, parts)).likeness(own);
         self.reference.iter().enumerate().map(likeness).sum::<f64>() / parts as f64
     }
 
     /// Takes in the colours that the view shows.
-    fn update(&mut self, view: &View, rect: &Rect, update: &EtepfUpdate) {
+    fn update(&mut self, view: &LikelihoodView, rect: &Rect) {
         let parts = self.first.len();
         for k in 0..parts {
             let now = view.histogram(&part(rect, k, parts));
-            self.recent[k] = self.recent[k].mix(&now, update.colours);
-            self.reference[k] = self.recent[k].mix(&self.first[k], update.first);
+            self.recent[k] = self.recent[k].mix(&now, RECENT);
+            self.reference[k] = self.recent[k].mix(&self.first[k], FIRST_SHARE);
         }
     }
 }
@@ -148,9 +152,9 @@ mod tests {
     fn seen(params: &EtepfParams, place: &Rect) -> Evidence {
         let data = data();
         let frame = Frame::new(&data, SIDE as u32, SIDE as u32, 3 * SIDE, Encoding::Rgb8, None).unwrap();
-        let mut view = View::default();
+        let mut view = LikelihoodView::default();
         view.look(&frame, &mut Cropper::default(), &frame.bounds(), TARGET.size(), &params.features);
-        Appearance::new(&mut view, &TARGET, params).evidence(&view, place, params)
+        Appearance::new(&mut view, &TARGET, params).evidence(&view, place)
     }
 
     #[test]
@@ -181,27 +185,28 @@ mod tests {
 
     #[test]
     fn colours_that_change_are_taken_up_beside_those_of_the_first_frame() {
-        let mut params = Params::default().etepf;
-        (params.update.first, params.update.colours) = (0.4, 0.5);
+        let params = Params::default().etepf;
         // Parts of two greys, far from each other.
         let view = |grey: u8| {
             let data = vec![grey; SIDE * SIDE];
             let frame = Frame::new(&data, SIDE as u32, SIDE as u32, SIDE, Encoding::Mono8, None).unwrap();
-            let mut view = View::default();
+            let mut view = LikelihoodView::default();
             view.look(&frame, &mut Cropper::default(), &frame.bounds(), TARGET.size(), &params.features);
             view
         };
         let (dark, light) = (view(40), view(220));
         let mut colours = Colours::new(&dark, &TARGET, 2);
         assert_eq!(colours.likeness(&light, &TARGET), 0.0);
-        // Half of what is recent is light, then three quarters; 0.6 of the reference is what is recent.
-        for share in [0.3f64, 0.45] {
-            colours.update(&light, &TARGET, &params.update);
+        // So much of what is recent is light, then as much of the rest too; the first frame has its share of the
+        // reference.
+        for recent in [RECENT, 1.0 - (1.0 - RECENT).powi(2)] {
+            let share = (1.0 - FIRST_SHARE) * recent;
+            colours.update(&light, &TARGET);
             assert!((colours.likeness(&light, &TARGET) - share.sqrt()).abs() < 1e-5);
             assert!((colours.likeness(&dark, &TARGET) - (1.0 - share).sqrt()).abs() < 1e-5);
         }
-        (0..50).for_each(|_| colours.update(&light, &TARGET, &params.update));
-        assert!((colours.likeness(&dark, &TARGET) - 0.4f64.sqrt()).abs() < 1e-5, "the first frame stays");
+        (0..99).for_each(|_| colours.update(&light, &TARGET));
+        assert!((colours.likeness(&dark, &TARGET) - FIRST_SHARE.sqrt()).abs() < 1e-5, "the first frame stays");
     }
 
     #[test]
@@ -209,7 +214,7 @@ mod tests {
         let mut params = Params::default().etepf;
         let data: Vec<u8> = data().iter().enumerate().map(|(i, v)| v ^ (i * 7919 % 251) as u8).collect();
         let frame = Frame::new(&data, SIDE as u32, SIDE as u32, 3 * SIDE, Encoding::Rgb8, None).unwrap();
-        let mut view = View::default();
+        let mut view = LikelihoodView::default();
         view.look(&frame, &mut Cropper::default(), &frame.bounds(), TARGET.size(), &params.features);
         let mut appearance = Appearance::new(&mut view, &TARGET, &params);
         let five = appearance.ensemble().classifiers().to_vec();

@@ -1,5 +1,5 @@
-//! The likelihood image (eq 5) of the part of a frame in which the target may be, and what it and the colours there say of
-//! a box (eqs 3, 4, 7 and 8).
+//! The likelihood image (eq 5) of the part of a frame in which the target may be, and what it and the colours there say
+//! of a box (eqs 3, 4, 7 and 8).
 
 use crate::crop::{Cropper, Patch};
 use crate::detect::mean_shift::Map;
@@ -10,11 +10,14 @@ use crate::frame::Frame;
 use crate::geometry::Rect;
 use crate::learn::adaboost::{Ensemble, Votes};
 use crate::params::EtepfFeatures;
-use crate::trace::{ResponseMap, Trace};
+use crate::trace::{Event, ResponseMap, Trace};
+
+/// Reach of the neighbourhood whose gradients describe a pixel: 5 x 5, as in the paper.
+const RADIUS: usize = 2;
 
 /// A part of a frame in the tracker's pixels: those of the frame or, where the target is large, coarser ones.
 #[derive(Default)]
-pub(super) struct View {
+pub(super) struct LikelihoodView {
     patch: Patch,
     pixelwise: Pixelwise,
     votes: Votes,
@@ -28,7 +31,7 @@ pub(super) struct View {
     zoom: [f64; 2],
 }
 
-impl View {
+impl LikelihoodView {
     /// Looks at the part of the frame that `area` covers, or at what is nearest to it, as finely as is fit for a target
     /// of this size.
     pub(super) fn look(
@@ -55,20 +58,20 @@ impl View {
     }
 
     /// Makes the likelihood image of what is looked at: step 1 of the algorithm.
-    pub(super) fn judge(&mut self, ensemble: &Ensemble<FEATURES>, features: &EtepfFeatures) {
+    pub(super) fn judge(&mut self, ensemble: &Ensemble<FEATURES>) {
         let Self { patch, pixelwise, votes, values, .. } = self;
         let width = patch.width;
         values.resize(width * patch.height, 0.0);
-        pixelwise.rows(patch, features.radius as usize, |y, planes| {
+        pixelwise.rows(patch, RADIUS, |y, planes| {
             ensemble.likelihoods(planes, votes, &mut values[y * width..(y + 1) * width]);
         });
     }
 
     /// Calls `each` with the features of every pixel that is looked at, and the place of its centre in the frame.
-    pub(super) fn pixels(&mut self, features: &EtepfFeatures, mut each: impl FnMut([f64; 2], [f32; FEATURES])) {
+    pub(super) fn pixels(&mut self, mut each: impl FnMut([f64; 2], [f32; FEATURES])) {
         let Self { patch, pixelwise, window, zoom, .. } = self;
         let width = patch.width;
-        pixelwise.rows(patch, features.radius as usize, |y, planes| {
+        pixelwise.rows(patch, RADIUS, |y, planes| {
             for x in 0..width {
                 let at = [window.x + (x as f64 + 0.5) / zoom[0], window.y + (y as f64 + 0.5) / zoom[1]];
                 each(at, std::array::from_fn(|feature| planes[feature * width + x]));
@@ -124,9 +127,9 @@ impl View {
 
     /// Shows the likelihood image.
     pub(super) fn show(&self, trace: &mut dyn Trace) {
-        trace.search_window(self.window);
+        trace.event(Event::SearchWindow(self.window));
         let (rows, cols) = (self.patch.height, self.patch.width);
-        trace.response(&ResponseMap { values: &self.values, rows, cols, window: self.window });
+        trace.event(Event::Response(&ResponseMap { values: &self.values, rows, cols, window: self.window }));
     }
 
     fn shape(&self) -> [usize; 2] {
@@ -149,7 +152,6 @@ mod tests {
     use super::*;
     use crate::frame::Encoding;
     use crate::learn::adaboost::Weak;
-    use crate::params::Params;
 
     const WIDTH: usize = 40;
     const HEIGHT: usize = 30;
@@ -168,11 +170,11 @@ mod tests {
         Ensemble::new(vec![Weak { a, b: -1.5, alpha: 0.8 }, Weak { a, b: -1.9, alpha: 0.5 }])
     }
 
-    fn view(area: &Rect, pixels: i64) -> View {
-        let features = EtepfFeatures { pixels, ..Params::default().etepf.features };
-        let mut view = View::default();
+    fn view(area: &Rect, pixels: i64) -> LikelihoodView {
+        let features = EtepfFeatures { pixels };
+        let mut view = LikelihoodView::default();
         view.look(&frame(&data()), &mut Cropper::default(), area, [8.0, 8.0], &features);
-        view.judge(&ensemble(), &features);
+        view.judge(&ensemble());
         view
     }
 
@@ -180,7 +182,7 @@ mod tests {
     fn each_likelihood_is_that_of_the_features_of_its_pixel() {
         let mut view = view(&Rect::new(4.0, 3.0, 20.0, 16.0), 2500);
         let (mut index, values) = (0, view.values.clone());
-        view.pixels(&Params::default().etepf.features, |at, features| {
+        view.pixels(|at, features| {
             let want = 1.0 / (1.0 + (-2.0 * ensemble().margin(&features)).exp());
             assert!((f64::from(values[index]) - want).abs() < 1e-6);
             assert_eq!(at, [4.5 + (index % 20) as f64, 3.5 + (index / 20) as f64]);

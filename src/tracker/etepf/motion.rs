@@ -15,15 +15,20 @@ pub(super) type Place = Vector<3>;
 /// The area of a search is so many standard deviations of the noise wide, when that is at its greatest.
 const DEVIATIONS: f64 = 4.0;
 
+/// Frames whose steps give the noise (C of eq 6).
+const HISTORY: usize = 5;
+/// Growth of the noise with each frame in FIND.
+const WIDEN: f64 = 1.2;
+
 /// What is remembered of the last steps.
-pub(super) struct Motion {
+pub(super) struct ParticleMotion {
     /// Steps of the centre in a frame period, the oldest in front.
     steps: VecDeque<[f64; 2]>,
     /// Growth of the noise, above 1 while the target is lost.
     widening: f64,
 }
 
-impl Motion {
+impl ParticleMotion {
     /// Of a target that has stood still.
     pub(super) fn new() -> Self {
         Self { steps: VecDeque::new(), widening: 1.0 }
@@ -42,8 +47,8 @@ impl Motion {
     }
 
     /// The target has moved by `step` pixels over `dt` frame periods.
-    pub(super) fn moved(&mut self, step: [f64; 2], dt: f64, particles: &EtepfParticles) {
-        while self.steps.len() >= particles.history as usize {
+    pub(super) fn moved(&mut self, step: [f64; 2], dt: f64) {
+        while self.steps.len() >= HISTORY {
             self.steps.pop_front();
         }
         self.steps.push_back(step.map(|s| s / dt));
@@ -51,10 +56,10 @@ impl Motion {
     }
 
     /// The target was not found.
-    pub(super) fn missed(&mut self, modes: &EtepfModes) {
+    pub(super) fn missed(&mut self) {
         // Far beyond what any area allows for.
         const MOST: f64 = 1e6;
-        self.widening = (self.widening * modes.widen).min(MOST);
+        self.widening = (self.widening * WIDEN).min(MOST);
     }
 
     /// The target was found again: how it moved before tells nothing.
@@ -71,8 +76,8 @@ impl Motion {
     }
 }
 
-/// What a state may be: the centre is within the image and within the area of a search around the last place; the box is not
-/// smaller than what can be followed, nor larger than the image.
+/// What a state may be: the centre is within the image and within the area of a search around the last place; the box
+/// is not smaller than what can be followed, nor larger than the image.
 pub(super) fn bounds(frame: &Frame, size: [f64; 2], last: &Place, modes: &EtepfModes) -> Bounds<3> {
     let image = frame.bounds();
     let area = Rect::around([last[0], last[1]], size.map(|side| side * last[2] * modes.extent));
@@ -92,52 +97,45 @@ mod tests {
 
     const SIZE: [f64; 2] = [20.0, 40.0];
 
-    fn noise(motion: &Motion, dt: f64) -> [f64; 3] {
+    fn noise(motion: &ParticleMotion, dt: f64) -> [f64; 3] {
         let params = Params::default().etepf;
         motion.noise(SIZE, dt, &params.particles, &params.modes).into()
     }
 
     #[test]
     fn the_noise_follows_the_latest_steps_down_to_the_floor() {
-        let EtepfParticles { least_noise, scale_noise, history, .. } = Params::default().etepf.particles;
-        let settings = Params::default().etepf.particles;
-        let mut motion = Motion::new();
+        let EtepfParticles { least_noise, scale_noise, .. } = Params::default().etepf.particles;
+        let mut motion = ParticleMotion::new();
         assert_eq!(noise(&motion, 1.0), [least_noise, least_noise, scale_noise]);
         // Frames that were skipped: 30 px over three periods are 10 a period.
-        (0..history).for_each(|_| motion.moved([30.0, -3.0], 3.0, &settings));
+        (0..HISTORY).for_each(|_| motion.moved([30.0, -3.0], 3.0));
         assert_eq!(noise(&motion, 1.0), [10.0, least_noise, scale_noise]);
         assert_eq!(noise(&motion, 2.0)[0], 20.0);
         assert_eq!(motion.velocity(), [10.0, -1.0]);
         // Half of the steps: the root of the mean square.
-        motion.moved([20.0, 0.0], 1.0, &settings);
-        let want = ((100.0 * (history - 1) as f64 + 400.0) / history as f64).sqrt();
+        motion.moved([20.0, 0.0], 1.0);
+        let want = ((100.0 * (HISTORY - 1) as f64 + 400.0) / HISTORY as f64).sqrt();
         assert!((noise(&motion, 1.0)[0] - want).abs() < 1e-12);
-        (0..history).for_each(|_| motion.moved([0.0, 0.0], 1.0, &settings));
+        (0..HISTORY).for_each(|_| motion.moved([0.0, 0.0], 1.0));
         assert_eq!(noise(&motion, 1.0)[0], least_noise, "what is older is forgotten");
     }
 
     #[test]
-    fn the_latest_steps_are_kept_when_other_numbers_of_them_are_wanted() {
-        let settings = |history| EtepfParticles { history, ..Params::default().etepf.particles };
-        let mut motion = Motion::new();
+    fn the_latest_steps_are_kept() {
+        let mut motion = ParticleMotion::new();
         assert!(motion.velocity().iter().all(|v| *v == 0.0 && v.is_sign_positive()));
-        let mut go = |steps: std::ops::RangeInclusive<i32>, history| {
-            steps.for_each(|n| motion.moved([f64::from(n), 0.0], 1.0, &settings(history)));
-            motion.velocity()[0]
-        };
-        assert_eq!(go(1..=7, 5), (3 + 4 + 5 + 6 + 7) as f64 / 5.0);
-        assert_eq!(go(8..=9, 6), (4 + 5 + 6 + 7 + 8 + 9) as f64 / 6.0, "the oldest goes first");
-        assert_eq!(go(10..=10, 2), 9.5, "the latest stay");
+        (1..=7).for_each(|n| motion.moved([f64::from(n), 0.0], 1.0));
+        assert_eq!(motion.velocity()[0], f64::from(3 + 4 + 5 + 6 + 7) / 5.0);
     }
 
     #[test]
     fn a_search_widens_up_to_its_area_and_ends_when_the_target_is_found() {
         let modes = Params::default().etepf.modes;
-        let mut motion = Motion::new();
+        let mut motion = ParticleMotion::new();
         let floor = noise(&motion, 1.0)[0];
-        motion.missed(&modes);
-        assert!((noise(&motion, 1.0)[0] - floor * modes.widen).abs() < 1e-12);
-        (0..5000).for_each(|_| motion.missed(&modes));
+        motion.missed();
+        assert!((noise(&motion, 1.0)[0] - floor * WIDEN).abs() < 1e-12);
+        (0..5000).for_each(|_| motion.missed());
         assert_eq!(noise(&motion, 1.0)[..2], SIZE.map(|side| modes.extent * side / DEVIATIONS));
         motion.restart();
         assert_eq!(noise(&motion, 1.0)[0], floor);

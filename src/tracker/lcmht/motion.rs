@@ -9,8 +9,26 @@ use crate::filter::mixture::{Component, ReductionSettings};
 use crate::filter::motion::{BoxForm, MotionModel, Noise};
 use crate::filter::{Matrix, Vector};
 use crate::geometry::{Rect, distance};
-use crate::params::{LcmhtMotion, LcmhtPhd, MotionForm};
+use crate::params::{Group as _, LcmhtMotion, MotionForm, Need};
 
+/// Variances of the accelerations of the centre and of the steps (or accelerations) of the form's other two quantities,
+/// and of what is measured of the four.
+const NOISE: Noise<4> = Noise { process: [4e-4, 4e-4, 1e-4, 1e-4], measurement: [0.01; 4] };
+/// Probabilities that a target goes on (p_s), and that it is measured (p_D).
+const SURVIVAL: f64 = 0.99;
+const DETECTION: f64 = 0.95;
+/// Mean number of false measurements in the image (lambda of eq 24, the paper's value).
+const CLUTTER_RATE: f64 = 4.0;
+/// Weight of the component born at a measurement (eq 19), and variance of its velocity in squared target sizes a frame.
+const BIRTH_WEIGHT: f64 = 0.01;
+const BIRTH_VELOCITY: f64 = 0.01;
+/// Components of less weight are dropped, and those closer than this (U) merged (the paper's values).
+const PRUNE_BELOW: f64 = 1e-5;
+const MERGE_WITHIN: f64 = 4.0;
+/// Components that are kept, the heaviest first.
+const MAX_COMPONENTS: usize = 50;
+/// Share of a peak's rank that its distance from the expected place decides.
+const PRIOR: f64 = 0.5;
 /// Sides of measured boxes spread over this many target sizes: the extent of the clutter in width and in height.
 const SIZE_RANGE: f64 = 2.0;
 /// Share of the velocity that a target keeps from one frame in which it was not seen to the next: what moves out of
@@ -26,9 +44,8 @@ const PRIOR_SURPRISES: f64 = 3.0;
 const PRIOR_GROWTH: f64 = 0.1;
 
 /// The motion of one target.
-pub(super) struct Motion {
+pub(super) struct TargetMotion {
     settings: LcmhtMotion,
-    phd_settings: LcmhtPhd,
     /// Of the image, in square pixels.
     area: f64,
     phd: Box<dyn Intensity>,
@@ -42,29 +59,24 @@ pub(super) struct Motion {
     measurements: Vec<Vector<4>>,
 }
 
-impl Motion {
+impl TargetMotion {
     /// The motion of a target at rest in `rect`, in an image of `area` square pixels.
-    pub(super) fn new(settings: &LcmhtMotion, phd: &LcmhtPhd, rect: &Rect, area: f64) -> Self {
+    pub(super) fn new(settings: &LcmhtMotion, rect: &Rect, area: f64) -> Self {
         let unit = rect.scale();
         let form = match settings.form {
             MotionForm::Size | MotionForm::MovingSize => BoxForm::CentreSize,
             MotionForm::AreaAspect => BoxForm::CentreAreaAspect,
             MotionForm::AspectHeight => BoxForm::CentreAspectHeight,
         };
-        let noise = Noise {
-            process: [settings.process_x, settings.process_y, settings.process_size_1, settings.process_size_2],
-            measurement: [settings.measured_x, settings.measured_y, settings.measured_size_1, settings.measured_size_2],
-        };
         let volume = area / (unit * unit) * SIZE_RANGE * SIZE_RANGE;
         let intensity: Box<dyn Intensity> = match settings.form {
-            MotionForm::Size => Box::new(filter(MotionModel::centre_size(noise), noise, phd, volume)),
-            MotionForm::MovingSize => Box::new(filter(MotionModel::centre_moving_size(noise), noise, phd, volume)),
-            MotionForm::AreaAspect => Box::new(filter(MotionModel::centre_area_aspect(noise), noise, phd, volume)),
-            MotionForm::AspectHeight => Box::new(filter(MotionModel::centre_aspect_height(noise), noise, phd, volume)),
+            MotionForm::Size => Box::new(filter(MotionModel::centre_size(NOISE), volume)),
+            MotionForm::MovingSize => Box::new(filter(MotionModel::centre_moving_size(NOISE), volume)),
+            MotionForm::AreaAspect => Box::new(filter(MotionModel::centre_area_aspect(NOISE), volume)),
+            MotionForm::AspectHeight => Box::new(filter(MotionModel::centre_aspect_height(NOISE), volume)),
         };
         let mut motion = Self {
             settings: settings.clone(),
-            phd_settings: phd.clone(),
             area,
             phd: intensity,
             form,
@@ -77,15 +89,15 @@ impl Motion {
         motion
     }
 
-    /// Takes over changed settings, the target being in `rect`. What the filter is made of makes it start anew.
-    pub(super) fn retune(&mut self, settings: &LcmhtMotion, phd: &LcmhtPhd, rect: &Rect) {
-        let LcmhtMotion { enabled, prior, prior_min, prior_max, .. } = *settings;
-        let known = LcmhtMotion { enabled, prior, prior_min, prior_max, ..self.settings.clone() };
-        if known == *settings && self.phd_settings == *phd {
-            self.settings = known;
+    /// Takes over changed settings, the target being in `rect`, and says whether the filter begins anew for them.
+    pub(super) fn retune(&mut self, settings: &LcmhtMotion, rect: &Rect) -> bool {
+        let anew = settings.differs(&self.settings, Need::Motion);
+        if anew {
+            *self = Self { surprise: self.surprise, unseen: self.unseen, ..Self::new(settings, rect, self.area) };
         } else {
-            *self = Self { surprise: self.surprise, unseen: self.unseen, ..Self::new(settings, phd, rect, self.area) };
+            self.settings = settings.clone();
         }
+        anew
     }
 
     /// The centre that is expected `dt` frames after the target was at `centre`, in pixels.
@@ -110,14 +122,14 @@ impl Motion {
         if !self.settings.enabled {
             return 1.0;
         }
-        1.0 - self.settings.prior + self.settings.prior * self.nearness(expected, place)
+        1.0 - PRIOR + PRIOR * self.nearness(expected, place)
     }
 
     /// How near `place` is to `expected` for this target, 1 there and falling off as a Gaussian.
     pub(super) fn nearness(&self, expected: [f64; 2], place: [f64; 2]) -> f64 {
         let growth = 1.0 + PRIOR_GROWTH * f64::from(self.unseen);
-        let width = (PRIOR_SURPRISES * self.surprise.sqrt() * growth)
-            .clamp(self.settings.prior_min, self.settings.prior_max.max(self.settings.prior_min));
+        let width =
+            (PRIOR_SURPRISES * self.surprise.sqrt() * growth).clamp(self.settings.prior_min, self.settings.prior_max);
         (-0.5 * (distance(expected, place) / (width * self.unit)).powi(2)).exp()
     }
 
@@ -164,28 +176,23 @@ fn divided(rect: &Rect, by: f64) -> Rect {
     Rect::new(rect.x / by, rect.y / by, rect.w / by, rect.h / by)
 }
 
-/// A GM-PHD filter whose newborns are as uncertain as a measurement and of any velocity within the settings.
-fn filter<const N: usize>(
-    model: MotionModel<N, 4>,
-    noise: Noise<4>,
-    settings: &LcmhtPhd,
-    clutter_volume: f64,
-) -> GmPhd<N, 4> {
-    let velocities = Vector::from_element(settings.birth_velocity);
-    let birth_covariance = model.diagonal(&Vector::from(noise.measurement), &velocities);
+/// A GM-PHD filter whose newborns are as uncertain as a measurement and of any velocity within reason.
+fn filter<const N: usize>(model: MotionModel<N, 4>, clutter_volume: f64) -> GmPhd<N, 4> {
+    let velocities = Vector::from_element(BIRTH_VELOCITY);
+    let birth_covariance = model.diagonal(&Vector::from(NOISE.measurement), &velocities);
     GmPhd::new(
         model,
         GmPhdSettings {
-            survival: settings.survival,
-            detection: settings.detection,
-            clutter_rate: settings.clutter_rate,
+            survival: SURVIVAL,
+            detection: DETECTION,
+            clutter_rate: CLUTTER_RATE,
             clutter_volume,
-            birth_weight: settings.birth_weight,
+            birth_weight: BIRTH_WEIGHT,
             birth_covariance,
             reduction: ReductionSettings {
-                prune_below: settings.prune,
-                merge_within: settings.merge,
-                max_components: settings.max_components as usize,
+                prune_below: PRUNE_BELOW,
+                merge_within: MERGE_WITHIN,
+                max_components: MAX_COMPONENTS,
             },
         },
     )
@@ -235,10 +242,10 @@ mod tests {
     use super::*;
     use crate::params::Params;
 
-    fn motion(form: MotionForm) -> Motion {
+    fn motion(form: MotionForm) -> TargetMotion {
         let params = Params::default().lcmht;
         let settings = LcmhtMotion { form, ..params.motion };
-        Motion::new(&settings, &params.phd, &Rect::new(100.0, 100.0, 30.0, 60.0), 640.0 * 480.0)
+        TargetMotion::new(&settings, &Rect::new(100.0, 100.0, 30.0, 60.0), 640.0 * 480.0)
     }
 
     #[test]
@@ -282,6 +289,6 @@ mod tests {
         let motion = motion(MotionForm::Size);
         assert_eq!(motion.prior([5.0, 5.0], [5.0, 5.0]), 1.0);
         let (near, far) = (motion.prior([5.0, 5.0], [15.0, 5.0]), motion.prior([5.0, 5.0], [205.0, 5.0]));
-        assert!(near > far && far >= 1.0 - motion.settings.prior - 1e-12);
+        assert!(near > far && far >= 1.0 - PRIOR - 1e-12);
     }
 }

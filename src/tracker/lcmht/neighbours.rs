@@ -2,20 +2,24 @@
 //!
 //! People in a crowd look alike, and when two of them cross, the filter answers to both. A neighbour that has been seen
 //! apart from the target explains a peak where it is expected, so a peak that a neighbour needs is not taken for the
-//! target if another one is left for it. The paper leaves this to the GM-PHD filter of a lost target; here it is done in
-//! each frame, by joint assignment of peaks to the target and its neighbours.
+//! target if another one is left for it. The paper leaves this to the GM-PHD filter of a lost target; here it is done
+//! in each frame, by joint assignment of peaks to the target and its neighbours.
 //!
 //! Lengths count in target sizes, the root of the target's area.
 
 use crate::appearance::Answer;
 use crate::geometry::{Rect, distance};
 use crate::params::LcmhtNeighbours;
-use crate::trace::Trace;
+use crate::trace::{Event, Trace};
 
 /// Distance within which a peak goes on with a neighbour, and within which a neighbour is where the target is.
 const REACH: f64 = 0.5;
 /// Least distance of a new neighbour from the target and from others.
 const APART: f64 = 0.2;
+/// Response above which a second peak is taken for a neighbour, in units of what the target usually gets.
+const RESPONSE: f64 = 0.3;
+/// Standard deviation of a neighbour's position from where it is expected.
+const WIDTH: f64 = 0.25;
 /// Share of the response of a new neighbour that is enough for a known one.
 const FAINT: f64 = 0.5;
 /// Frames in which a neighbour must have been seen before it explains anything.
@@ -25,7 +29,8 @@ const PATIENCE: u32 = 4;
 /// Gains of the alpha-beta filter of a neighbour's position and velocity.
 const POSITION_GAIN: f64 = 0.7;
 const VELOCITY_GAIN: f64 = 0.3;
-/// Likelihood, relative to the best, of a peak that what is assigned to it, a neighbour or the target, has nothing to do with.
+/// Likelihood, relative to the best, of a peak that what is assigned to it, a neighbour or the target, has nothing to
+/// do with.
 pub(super) const LEAST_FIT: f64 = 0.1;
 
 /// One that looks like the target.
@@ -71,7 +76,7 @@ impl Neighbours {
     /// needs it most falls when it has to do with the next best of `answers`, or with none. 0 where no neighbour
     /// loses anything. `unit` is the target's size in pixels.
     pub(super) fn price(&self, place: [f64; 2], answers: &[Answer], unit: f64) -> f64 {
-        let width = self.settings.width * unit;
+        let width = WIDTH * unit;
         let fit = |n: &Neighbour, at: [f64; 2]| (-0.5 * (distance(n.centre, at) / width).powi(2)).exp().max(LEAST_FIT);
         let loss = |n: &Neighbour| {
             let others = answers.iter().filter(|a| a.centre != place);
@@ -83,7 +88,7 @@ impl Neighbours {
 
     /// Shows those that explain peaks, as boxes of the target's size.
     pub(super) fn show(&self, size: [f64; 2], trace: &mut dyn Trace) {
-        self.established().for_each(|n| trace.neighbour(Rect::around(n.centre, size)));
+        self.established().for_each(|n| trace.event(Event::Neighbour(Rect::around(n.centre, size))));
     }
 
     /// Whether a neighbour is where `place` is.
@@ -91,10 +96,10 @@ impl Neighbours {
         self.established().any(|n| distance(n.centre, place) < REACH * unit)
     }
 
-    /// Follows the neighbours to the answers, other than that where the `target` is if it is anywhere: the one peak may be that
-    /// of a neighbour which hides it. `usual` is the response that the target usually gets.
+    /// Follows the neighbours to the answers, other than that where the `target` is if it is anywhere: the one peak may
+    /// be that of a neighbour which hides it. `usual` is the response that the target usually gets.
     pub(super) fn follow(&mut self, answers: &[Answer], target: Option<[f64; 2]>, usual: f64, unit: f64) {
-        let least = FAINT * self.settings.response * usual;
+        let least = FAINT * RESPONSE * usual;
         self.taken.clear();
         self.taken.extend(answers.iter().map(|a| Some(a.centre) == target));
         for n in &mut self.all {
@@ -116,7 +121,7 @@ impl Neighbours {
         let apart = |from: [f64; 2]| distance(answer.centre, from) > APART * unit;
         self.settings.enabled
             && !self.taken[i]
-            && answer.response > self.settings.response * usual
+            && answer.response > RESPONSE * usual
             && apart(chosen)
             && self.all.iter().all(|n| apart(n.centre))
     }
@@ -195,7 +200,7 @@ mod tests {
         assert!((price - (1.0 / LEAST_FIT).ln()).abs() < 1e-9, "{price}");
         assert_eq!(neighbours.price([100.0, 100.0], &both, UNIT), 0.0);
         // One width away there is as good as another peak: what that costs is half.
-        let width = neighbours.settings.width * UNIT;
+        let width = WIDTH * UNIT;
         let next = answers([(expected, 0.9), ([expected[0], expected[1] + width], 0.4)]);
         assert!((neighbours.price(expected, &next, UNIT) - 0.5).abs() < 1e-9);
     }

@@ -1,12 +1,13 @@
 //! The tracker beside Algorithm 1, line by line as the paper prints it, with the paper's own parameters on hand-crafted
-//! features. Cropping, features, filter, detector and GM-PHD filter are the crate's, which have naive twins of their own.
+//! features. Cropping, features, filter, detector and GM-PHD filter are the crate's, which have naive twins of their
+//! own.
 
 use std::path::Path;
 
 use super::*;
-use crate::appearance::layers::{Extractor, Feature, LayerSpec, Source};
+use crate::appearance::layers::{Extractor, Feature, LayerSource, LayerSpec};
 use crate::dcf::fft::Fft2;
-use crate::dcf::kernelised::{KernelisedFilter, Settings};
+use crate::dcf::kernelised::{KernelisedFilter, KernelisedSettings};
 use crate::dcf::sample::Sample;
 use crate::dcf::window::label;
 use crate::filter::Vector;
@@ -99,18 +100,18 @@ impl Naive {
         let window = Self::window(&lcmht, TARGET.centre());
         let [cols, rows] = window.size().map(|side| (side / 4.0).round() as usize);
         let (mut fft, mut sample) = (Fft2::new(rows, cols), Sample::default());
-        let joint = Source::Cells(vec![Feature::Hog, Feature::ColourNames]);
+        let joint = LayerSource::Cells(vec![Feature::Hog, Feature::ColourNames]);
         let specs = [LayerSpec { source: joint, components: None, energy: None, weight: 1.0 }];
         let mut extractor = Extractor::fit(&specs, None, rows, cols, frame, &window, &mut cropper);
         extractor.transform(&mut fft, &mut sample);
         let cells = TARGET.w * cols as f64 / window.w * (TARGET.h * rows as f64 / window.h);
         let y = label(rows, cols, 0.1 * cells.sqrt());
-        let settings = Settings { regularisation: 1e-4, layer_weights: vec![1.0] };
+        let settings = KernelisedSettings { regularisation: 1e-4, layer_weights: vec![1.0] };
         let mut filter = KernelisedFilter::new(settings, &mut fft, &y);
-        filter.learn(&mut fft, &sample, 1.0);
+        filter.learn(&fft, &sample, 1.0);
         let mut detector = Detector::new(settings::detector(&lcmht.svm), &TARGET, 0);
         detector.learn(frame, &mut cropper, &TARGET);
-        let mut phd = phd(&lcmht, frame.bounds().area());
+        let mut phd = phd(frame.bounds().area());
         let state =
             Gaussian { mean: phd.model().at_rest(&measured(&TARGET)), covariance: phd.settings().birth_covariance };
         phd.reset(&[Component { weight: 1.0, state }]);
@@ -173,7 +174,7 @@ impl Naive {
         }
         // Crop out new patch centered at (x_k, y_k) and update the translation correlation filter using (8).
         self.crop(frame, self.x);
-        self.filter.learn(&mut self.fft, &self.sample, 0.01);
+        self.filter.learn(&self.fft, &self.sample, 0.01);
         // Update the detector.
         if max_r >= TRAIN {
             self.detector.learn(frame, &mut self.cropper, &at(self.x));
@@ -189,28 +190,19 @@ fn measured(rect: &Rect) -> Vector<4> {
     Vector::from([x, y, rect.w, rect.h]) / TARGET.scale()
 }
 
-/// The GM-PHD filter of these parameters.
-fn phd(params: &LcmhtParams, area: f64) -> GmPhd<6, 4> {
-    let LcmhtParams { motion, phd, .. } = params;
-    let noise = Noise {
-        process: [motion.process_x, motion.process_y, motion.process_size_1, motion.process_size_2],
-        measurement: [motion.measured_x, motion.measured_y, motion.measured_size_1, motion.measured_size_2],
-    };
+/// The GM-PHD filter of the target's motion, in target sizes.
+fn phd(area: f64) -> GmPhd<6, 4> {
+    let noise = Noise { process: [4e-4, 4e-4, 1e-4, 1e-4], measurement: [0.01; 4] };
     let model = MotionModel::centre_size(noise);
-    let velocities = Vector::from_element(phd.birth_velocity);
     let settings = GmPhdSettings {
-        survival: phd.survival,
-        detection: phd.detection,
-        clutter_rate: phd.clutter_rate,
+        survival: 0.99,
+        detection: 0.95,
+        clutter_rate: 4.0,
         // Widths and heights of twice the target's.
         clutter_volume: area / TARGET.area() * 4.0,
-        birth_weight: phd.birth_weight,
-        birth_covariance: model.diagonal(&Vector::from(noise.measurement), &velocities),
-        reduction: ReductionSettings {
-            prune_below: phd.prune,
-            merge_within: phd.merge,
-            max_components: phd.max_components as usize,
-        },
+        birth_weight: 0.01,
+        birth_covariance: model.diagonal(&Vector::from(noise.measurement), &Vector::from_element(0.01)),
+        reduction: ReductionSettings { prune_below: 1e-5, merge_within: 4.0, max_components: 50 },
     };
     GmPhd::new(model, settings)
 }

@@ -26,9 +26,9 @@ impl Colours {
         Self { foreground: vec![0.0; BINS], background: vec![0.0; BINS], frames: 0.0 }
     }
 
-    /// Learns a frame (eqs 2 and 3) from pixels with their bins and what they are of: 1 for the target, -1 for the background,
-    /// 0 for neither. The background counts as much as the target in all. Where one of the two has no pixels nothing is
-    /// learned: both would have no magnitude then, as the paper says of a target that stands still.
+    /// Learns a frame (eqs 2 and 3) from pixels with their bins and what they are of: 1 for the target, -1 for the
+    /// background, 0 for neither. The background counts as much as the target in all. Where one of the two has no
+    /// pixels nothing is learned: both would have no magnitude then, as the paper says of a target that stands still.
     pub(super) fn learn(&mut self, bins: &[u16], sides: &[i8], longest: f64) {
         let count = |side: i8| sides.iter().filter(|&&s| s == side).count() as f32;
         let (foreground, background) = (count(1), count(-1));
@@ -48,8 +48,8 @@ impl Colours {
         }
     }
 
-    /// The probability that a pixel of this colour is the target's (eq 4), whose share of all pixels is `prior` (avgFG). A
-    /// colour that was never seen tells nothing.
+    /// The probability that a pixel of this colour is the target's (eq 4), whose share of all pixels is `prior`
+    /// (avgFG). A colour that was never seen tells nothing.
     pub(super) fn probability(&self, bin: u16, prior: f32) -> f32 {
         let target = self.foreground[usize::from(bin)] * prior;
         let around = self.background[usize::from(bin)] * (1.0 - prior);

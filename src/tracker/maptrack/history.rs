@@ -6,14 +6,14 @@ pub(super) const SIDE: usize = 48;
 pub(super) const CELLS: usize = SIDE * SIDE;
 
 /// The image, and how much it has learned.
-pub(super) struct History {
+pub(super) struct PositionHistory {
     /// Per cell of the region, 0 to 1.
     image: Vec<f32>,
     /// The sum of all weights, cut at N (historysize).
     size: f64,
 }
 
-impl History {
+impl PositionHistory {
     /// One that begins with this image, which weighs as much as a frame that shows it whole.
     pub(super) fn new(image: &[f32]) -> Self {
         Self { image: image.to_vec(), size: share(image) }
@@ -60,7 +60,7 @@ mod tests {
     /// By hand: a history of weight 1/4 and a frame of weight 1/2 make 1/3 of one and 2/3 of the other.
     #[test]
     fn frames_count_as_much_as_moves_in_them() {
-        let mut history = History::new(&filled(CELLS / 4));
+        let mut history = PositionHistory::new(&filled(CELLS / 4));
         assert_eq!(history.share(), 0.25);
         history.learn(&filled(CELLS / 2), 10.0);
         assert!((history.image[0] - 1.0).abs() < 1e-6 && (history.image[CELLS / 2 - 1] - 2.0 / 3.0).abs() < 1e-6);
@@ -71,7 +71,7 @@ mod tests {
 
     #[test]
     fn what_is_long_ago_is_forgotten() {
-        let mut history = History::new(&filled(CELLS));
+        let mut history = PositionHistory::new(&filled(CELLS));
         (0..50).for_each(|_| history.learn(&filled(CELLS / 2), 2.0));
         assert_eq!(history.size, 2.0);
         assert!(history.image[CELLS - 1] < 0.01 && history.image[0] > 0.99);

@@ -1,5 +1,5 @@
-//! Where a target has been, how fast it goes (eqs 5 and 6), how well it was seen (eq 12) and where it is to be expected while
-//! it is hidden (eq 13).
+//! Where a target has been, how fast it goes (eqs 5 and 6), how well it was seen (eq 12) and where it is to be expected
+//! while it is hidden (eq 13).
 
 use std::collections::VecDeque;
 

@@ -1,15 +1,21 @@
-//! A target's region of interest and its images: motion, colour, position, and what they make together (eqs 4, 7 and 9 to
-//! 11). Every region has the same number of cells, whatever its size in pixels, so that the images of a target lie over each
-//! other from frame to frame. All images are row-major `SIDE x SIDE`, row 0 at the top.
+//! A target's region of interest and its images: motion, colour, position, and what they make together (eqs 4, 7 and 9
+//! to 11). Every region has the same number of cells, whatever its size in pixels, so that the images of a target lie
+//! over each other from frame to frame. All images are row-major `SIDE x SIDE`, row 0 at the top.
 
 use super::colours::{self, Colours};
-use super::history::{CELLS, History, SIDE};
-use super::view::View;
+use super::history::{CELLS, PositionHistory, SIDE};
+use super::view::SceneView;
 use crate::geometry::Rect;
-use crate::params::MaptrackModel;
 
 /// A pixel is the target's where its colour is more likely so than not (eq 4).
 const LIKELY: f32 = 0.5;
+/// Positional probability at the edges of the region (min of eq 7).
+const EDGE: f64 = 0.0;
+/// Weights of motion, colour and position together, of colour and position, and of position alone (sigma 1 to 3 of eq
+/// 9, which the paper does not give).
+const MOTION_WEIGHT: f32 = 1.0;
+const COLOUR_WEIGHT: f32 = 0.3;
+const POSITION_WEIGHT: f32 = 0.02;
 
 /// The images of a region, reused from target to target.
 pub(super) struct Region {
@@ -29,8 +35,6 @@ pub(super) struct Region {
     pub(super) composite: Vec<f32>,
     /// Scratch: of M times C.
     both: Vec<f32>,
-    /// `edge` of the cone.
-    edge: f64,
 }
 
 /// What the images hold in all.
@@ -55,20 +59,16 @@ impl Default for Region {
             inside: vec![false; CELLS],
             motion: zeros(),
             colour: zeros(),
-            position: cone(0.0),
+            position: cone(EDGE),
             composite: zeros(),
             both: zeros(),
-            edge: 0.0,
         }
     }
 }
 
 impl Region {
     /// Looks at a window of the view: M, as far as it is nobody's or `owner`'s, the colours, and P.
-    pub(super) fn look(&mut self, view: &View, window: Rect, owner: u8, model: &MaptrackModel) {
-        if self.edge != model.edge {
-            (self.edge, self.position) = (model.edge, cone(model.edge));
-        }
+    pub(super) fn look(&mut self, view: &SceneView, window: Rect, owner: u8) {
         self.window = window;
         let [width, height] = view.size();
         let pixel = |origin: f64, length: f64, cell: usize, limit: usize| {
@@ -90,17 +90,15 @@ impl Region {
     }
 
     /// Computes C and CPI (eqs 4 and 9).
-    pub(super) fn compose(&mut self, colours: &Colours, history: &History, model: &MaptrackModel) {
+    pub(super) fn compose(&mut self, colours: &Colours, history: &PositionHistory) {
         let prior = history.share() as f32;
-        let [motion_weight, colour_weight, position_weight] =
-            [model.motion_weight, model.colour_weight, model.position_weight].map(|weight| weight as f32);
         for (cell, shape) in history.image().iter().enumerate() {
             let is_own = self.inside[cell] && colours.probability(self.bins[cell], prior) > LIKELY;
             let (c, p) = (f32::from(u8::from(is_own)), self.position[cell]);
             self.colour[cell] = c;
             self.both[cell] = self.motion[cell] * c;
-            let together = self.both[cell] * p * motion_weight;
-            self.composite[cell] = together.max(c * shape * colour_weight).max(p * position_weight);
+            let together = self.both[cell] * p * MOTION_WEIGHT;
+            self.composite[cell] = together.max(c * shape * COLOUR_WEIGHT).max(p * POSITION_WEIGHT);
         }
     }
 
@@ -126,7 +124,7 @@ impl Region {
     }
 
     /// The sums of the images, with the target's shape.
-    pub(super) fn sums(&self, history: &History) -> Sums {
+    pub(super) fn sums(&self, history: &PositionHistory) -> Sums {
         let [mut squares, mut alike, mut alike_there] = [0.0f32; 3];
         let [mut moving, mut whole] = [0.0f32; 2];
         let [mut mass, mut motion, mut seen] = [0.0f32; 3];
@@ -152,7 +150,8 @@ impl Region {
     }
 }
 
-/// The positional image (eq 7): 1 in the middle, `edge` at the middle of each side, less towards the corners, never below 0.
+/// The positional image (eq 7): 1 in the middle, `edge` at the middle of each side, less towards the corners, never
+/// below 0.
 fn cone(edge: f64) -> Vec<f32> {
     let middle = SIDE as f64 / 2.0;
     let from_middle = |i: usize| (i as f64 + 0.5 - middle) / middle;
@@ -163,17 +162,12 @@ fn cone(edge: f64) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::params::Params;
 
     const RED: [u8; 3] = [200, 10, 10];
     const GREEN: [u8; 3] = [10, 200, 10];
 
-    fn model() -> MaptrackModel {
-        Params::default().maptrack.model
-    }
-
     /// Red in the left half of the region, which moves in its upper half; green on the right.
-    fn halves() -> (Region, Colours, History) {
+    fn halves() -> (Region, Colours, PositionHistory) {
         let mut region = Region { window: Rect::new(100.0, 50.0, 96.0, 48.0), ..Region::default() };
         let left = |cell: usize| cell % SIDE < SIDE / 2;
         for cell in 0..CELLS {
@@ -185,7 +179,7 @@ mod tests {
         let sides: Vec<i8> = (0..CELLS).map(|cell| if left(cell) { 1 } else { -1 }).collect();
         colours.learn(&region.bins, &sides, 10.0);
         let shape: Vec<f32> = (0..CELLS).map(|cell| if left(cell) { 0.5 } else { 0.0 }).collect();
-        (region, colours, History::new(&shape))
+        (region, colours, PositionHistory::new(&shape))
     }
 
     #[test]
@@ -204,16 +198,15 @@ mod tests {
     #[test]
     fn the_composite_takes_the_strongest_of_what_agrees() {
         let (mut region, colours, history) = halves();
-        let model = MaptrackModel { motion_weight: 0.9, colour_weight: 0.4, position_weight: 0.1, ..model() };
-        region.compose(&colours, &history, &model);
+        region.compose(&colours, &history);
         for (cell, name) in
             [(10 * SIDE + 20, "MCP"), (40 * SIDE + 20, "CP"), (10 * SIDE + 40, "P"), (40 * SIDE + 40, "P")]
         {
             let p = region.position[cell];
             let want = match name {
-                "MCP" => (0.9 * p).max(0.4 * 0.5),
-                "CP" => 0.4 * 0.5,
-                _ => 0.1 * p,
+                "MCP" => (MOTION_WEIGHT * p).max(COLOUR_WEIGHT * 0.5),
+                "CP" => COLOUR_WEIGHT * 0.5,
+                _ => POSITION_WEIGHT * p,
             };
             assert!((region.composite[cell] - want).abs() < 1e-6, "{name}: {} {want}", region.composite[cell]);
         }
@@ -234,17 +227,17 @@ mod tests {
     #[test]
     fn sums_are_those_of_equations_11_and_14() {
         let (mut region, colours, history) = halves();
-        region.compose(&colours, &history, &model());
+        region.compose(&colours, &history);
         let sums = region.sums(&history);
         let close = |a: f64, b: f64| (a - b).abs() < 1e-4;
         assert!(close(sums.visibility, 0.25), "the sum of 0.5 squared over that of 1: {sums:?}");
-        // Motion of matching colour is half of the shape's cells, each with 1 where the shape has 0.5: 1 in all. Of all that
-        // matches, 0.5 is where the target is remembered.
+        // Motion of matching colour is half of the shape's cells, each with 1 where the shape has 0.5: 1 in all. Of all
+        // that matches, 0.5 is where the target is remembered.
         assert!(close(sums.moving, 1.0 * 0.5), "{sums:?}");
         assert!(close(sums.motion, 0.5) && close(sums.colour, 1.0) && close(sums.seen, 1.0), "{sums:?}");
         region.inside.fill(false);
         region.motion.fill(0.0);
-        region.compose(&colours, &history, &model());
+        region.compose(&colours, &history);
         assert_eq!(region.sums(&history), Sums::default());
     }
 }

@@ -4,29 +4,50 @@ use std::sync::Arc;
 
 use super::colours::Colours;
 use super::find::Candidate;
-use super::history::{CELLS, History, SIDE};
+use super::history::{CELLS, PositionHistory, SIDE};
 use super::path::{Moment, Path};
 use super::pattern;
 use super::region::{Region, Sums};
 use super::state::Inferred;
-use super::view::{NOBODY, View};
+use super::view::{NOBODY, SceneView};
 use crate::appearance::{Appearance, Recognised};
 use crate::crop::Cropper;
 use crate::frame::{Frame, MIN_TARGET_SIDE};
 use crate::geometry::{Rect, distance};
 use crate::params::{MaptrackGroups, MaptrackParams};
-use crate::trace::{Cues, ResponseMap, Trace};
+use crate::trace::{Cues, Event, ResponseMap, Trace};
 use crate::tracker::targets::Followed;
 use crate::tracker::{State, Target};
 
 /// Share of the remembered target that must move or match for its motion or colour to count as there (table 1).
 const PRESENT: f64 = 0.2;
+/// Side of the region of interest, in target sizes.
+pub(super) const MARGIN: f64 = 1.5;
+/// Frames after which the average of the colour histograms becomes an exponential one (n of eq 3), and weight after
+/// which that of the motion history does (N of eq 8).
+const COLOURS: f64 = 30.0;
+const SHAPE: f64 = 10.0;
+/// Steps of mean shift, at most (eq 10).
+const STEPS: usize = 3;
+/// Frames back to which velocity and visibility are looked for, at most (eqs 6 and 12).
+const PATH: i64 = 150;
+/// Share of the best visibility of late above which a hidden target is there again (tau of eq 14).
+const END: f64 = 0.3;
+/// Widths of the region of interest that a hidden target may be expected to have moved by, at most.
+pub(super) const WIDTHS: f64 = 3.0;
+/// How far from where it is expected a hidden target is looked for, in sides of the region.
+const DRIFT: f64 = 0.5;
 /// A step of mean shift shorter than this, in pixels, is the last.
 const STILL: f64 = 0.25;
-/// A side of a blob says where its target is if it is as long as the box's within this factor; one that is longer by no more
-/// than the next says how long it is.
+/// A side of a blob says where its target is if it is as long as the box's within this factor; one that is longer by no
+/// more than the next says how long it is.
 const SIMILAR: f64 = 1.4;
 const COMPARABLE: f64 = 2.5;
+/// Confidence in a target that is hidden just now, frames after which that has halved, and the least share of it that
+/// counts as seen: chosen so that hidden targets come after those that are seen.
+const HIDDEN: f64 = 0.5;
+const FADING: f64 = 5.0;
+const LEAST_SEEN: f64 = 0.05;
 
 /// A target and all that is known of it.
 pub(super) struct Track {
@@ -38,7 +59,7 @@ pub(super) struct Track {
     /// Where it is expected in this frame.
     pub(super) expected: Rect,
     colours: Colours,
-    history: History,
+    history: PositionHistory,
     path: Path,
     /// Of a marked one, if patterns are wanted; and where it was recognised in this frame.
     pattern: Option<Appearance>,
@@ -68,12 +89,11 @@ struct Hidden {
 }
 
 impl Track {
-    /// Takes up the target in `rect`, of which nothing but the box is known: what is in it is the target's, the more surely
-    /// the nearer to its middle.
-    pub(super) fn marked(id: Arc<str>, rect: Rect, view: &View, region: &mut Region, params: &MaptrackParams) -> Self {
-        region.look(view, rect.scaled(params.model.margin), 0, &params.model);
-        let margin = params.model.margin;
-        let reach = |i: usize| ((i as f64 + 0.5) / SIDE as f64 - 0.5).abs() * 2.0 * margin;
+    /// Takes up the target in `rect`, of which nothing but the box is known: what is in it is the target's, the more
+    /// surely the nearer to its middle.
+    pub(super) fn marked(id: Arc<str>, rect: Rect, view: &SceneView, region: &mut Region) -> Self {
+        region.look(view, rect.scaled(MARGIN), 0);
+        let reach = |i: usize| ((i as f64 + 0.5) / SIDE as f64 - 0.5).abs() * 2.0 * MARGIN;
         let part = |cell: usize| {
             let [across, down] = [reach(cell % SIDE), reach(cell / SIDE)];
             (across.max(down) < 1.0, across.hypot(down) < 1.0)
@@ -87,7 +107,7 @@ impl Track {
                 _ => (-1, 0.0),
             };
         }
-        let mut track = Self::new(id, rect, &sides, &shape, region, params);
+        let mut track = Self::new(id, rect, &sides, &shape, region);
         track.is_marked = true;
         track.sums = region.sums(&track.history);
         track.shown = (view.to_frame(&rect), [0.0; 2]);
@@ -95,44 +115,31 @@ impl Track {
     }
 
     /// Takes up a target that was found: what moves in its region is the target's.
-    pub(super) fn found(
-        id: Arc<str>,
-        found: &Candidate,
-        view: &View,
-        region: &mut Region,
-        params: &MaptrackParams,
-    ) -> Self {
-        region.look(view, found.rect.scaled(params.model.margin), 0, &params.model);
+    pub(super) fn found(id: Arc<str>, found: &Candidate, view: &SceneView, region: &mut Region) -> Self {
+        region.look(view, found.rect.scaled(MARGIN), 0);
         let moves = |cell: usize| region.motion[cell] > 0.0;
         let sides: Vec<i8> = (0..CELLS).map(|c| i8::from(region.inside[c]) * if moves(c) { 1 } else { -1 }).collect();
         let shape = region.motion.clone();
-        let mut track = Self::new(id, found.rect, &sides, &shape, region, params);
+        let mut track = Self::new(id, found.rect, &sides, &shape, region);
         let place = found.rect.centre();
-        track.path = Path::new(found.from, track.sums.visibility, params.model.history);
+        track.path = Path::new(found.from, track.sums.visibility, PATH);
         track.path.go(place, track.sums.visibility, found.age.max(1.0), region.window.w);
         track.shown = (view.to_frame(&found.rect), [0.0; 2]);
         track
     }
 
-    fn new(
-        id: Arc<str>,
-        rect: Rect,
-        sides: &[i8],
-        shape: &[f32],
-        region: &mut Region,
-        params: &MaptrackParams,
-    ) -> Self {
+    fn new(id: Arc<str>, rect: Rect, sides: &[i8], shape: &[f32], region: &mut Region) -> Self {
         let mut colours = Colours::new();
-        colours.learn(&region.bins, sides, params.model.colours);
-        let history = History::new(shape);
-        region.compose(&colours, &history, &params.model);
+        colours.learn(&region.bins, sides, COLOURS);
+        let history = PositionHistory::new(shape);
+        region.compose(&colours, &history);
         let sums = region.sums(&history);
         Self {
             id,
             is_marked: false,
             rect,
             expected: rect,
-            path: Path::new(rect.centre(), sums.visibility, params.model.history),
+            path: Path::new(rect.centre(), sums.visibility, PATH),
             colours,
             history,
             pattern: None,
@@ -151,11 +158,11 @@ impl Track {
 
     /// Learns the pattern of the target, which is in `rect` of the frame.
     pub(super) fn learn_pattern(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect, params: &MaptrackParams) {
-        self.pattern = params.pattern.enabled.then(|| pattern::learn(frame, cropper, rect, &params.pattern));
+        self.pattern = params.pattern.enabled.then(|| pattern::learn(frame, cropper, rect));
     }
 
     /// Looks for the target's pattern around where it was.
-    pub(super) fn recognise(&mut self, frame: &Frame, cropper: &mut Cropper, view: &View) {
+    pub(super) fn recognise(&mut self, frame: &Frame, cropper: &mut Cropper, view: &SceneView) {
         let last = view.to_frame(&self.rect);
         self.recognised = self.pattern.as_mut().map(|pattern| pattern.recognise(frame, cropper, &last));
         if let Some(recognised) = self.recognised {
@@ -168,8 +175,8 @@ impl Track {
         self.hidden.is_some() || self.state == State::Lost
     }
 
-    /// Expects the target where its velocity leads (eq 5) or, while it is hidden, where it would have come to (eq 13); one that
-    /// is given up, where it was seen last.
+    /// Expects the target where its velocity leads (eq 5) or, while it is hidden, where it would have come to (eq 13);
+    /// one that is given up, where it was seen last.
     fn expect(&mut self, dt: f64, params: &MaptrackParams) {
         let place = match self.hidden {
             None => self.path.expected(dt),
@@ -183,15 +190,16 @@ impl Track {
         self.expected = Rect::around(place, self.rect.size());
     }
 
-    /// Expects the target after `dt` frames or in the next one, where more of it is seen: stamps tell of a gap where frames were
-    /// skipped, and likewise where none was and the link stalled. One that is recognised, or hidden, is not looked for twice.
-    pub(super) fn expect_either(&mut self, view: &View, region: &mut Region, dt: f64, params: &MaptrackParams) {
+    /// Expects the target after `dt` frames or in the next one, where more of it is seen: stamps tell of a gap where
+    /// frames were skipped, and likewise where none was and the link stalled. One that is recognised, or hidden, is not
+    /// looked for twice.
+    pub(super) fn expect_either(&mut self, view: &SceneView, region: &mut Region, dt: f64, params: &MaptrackParams) {
         self.expect(dt, params);
         self.elapsed = dt;
         if dt > 1.0 && self.pattern.is_none() && !self.is_hidden() {
-            let (later, seen) = (self.expected, self.visible(view, region, params));
+            let (later, seen) = (self.expected, self.visible(view, region));
             self.expect(1.0, params);
-            if self.visible(view, region, params) > seen {
+            if self.visible(view, region) > seen {
                 self.elapsed = 1.0;
             } else {
                 self.expected = later;
@@ -200,15 +208,16 @@ impl Track {
     }
 
     /// How much of it is seen where it is expected.
-    fn visible(&self, view: &View, region: &mut Region, params: &MaptrackParams) -> f64 {
-        region.look(view, self.expected.scaled(params.model.margin), NOBODY, &params.model);
-        region.compose(&self.colours, &self.history, &params.model);
+    fn visible(&self, view: &SceneView, region: &mut Region) -> f64 {
+        region.look(view, self.expected.scaled(MARGIN), NOBODY);
+        region.compose(&self.colours, &self.history);
         region.sums(&self.history).visibility
     }
 
-    /// Claims the moving pixels of the region that it is expected in (of which targets beyond the paper take each its own).
-    pub(super) fn claim(&self, view: &mut View, owner: u8, params: &MaptrackParams) {
-        let window = self.expected.scaled(params.model.margin);
+    /// Claims the moving pixels of the region that it is expected in (of which targets beyond the paper take each its
+    /// own).
+    pub(super) fn claim(&self, view: &mut SceneView, owner: u8) {
+        let window = self.expected.scaled(MARGIN);
         let (prior, shape) = (self.history.share() as f32, self.history.image());
         view.claim(&window, owner, |[across, down], rgb| {
             let cell = (down * SIDE as f64) as usize * SIDE + (across * SIDE as f64) as usize;
@@ -216,11 +225,11 @@ impl Track {
         });
     }
 
-    /// Follows the target into the frame that the view shows, where it is expected already. `blob` is what moves there and
-    /// is this target's alone.
+    /// Follows the target into the frame that the view shows, where it is expected already. `blob` is what moves there
+    /// and is this target's alone.
     pub(super) fn step(
         &mut self,
-        view: &View,
+        view: &SceneView,
         region: &mut Region,
         owner: u8,
         blob: Option<Rect>,
@@ -228,7 +237,7 @@ impl Track {
     ) {
         self.age = self.age.saturating_add(1);
         let dt = self.elapsed;
-        let found = self.climb(view, region, owner, params);
+        let found = self.climb(view, region, owner);
         self.sums = region.sums(&self.history);
         let was_hidden = self.hidden;
         self.hidden = self.judge(region, dt, params);
@@ -237,7 +246,7 @@ impl Track {
             Some(_) => self.rect = Rect::around(found, self.rect.size()),
             None => {
                 self.rect = self.settled(Rect::around(found, self.expected.size()), blob, &params.groups);
-                self.go_on(view, region, owner, was_hidden, dt, params);
+                self.go_on(view, region, owner, was_hidden, dt);
             }
         }
         self.infer(found, region, params);
@@ -245,21 +254,21 @@ impl Track {
     }
 
     /// Mean shift from the expected place (eqs 9 and 10); a hidden target does not go far from there.
-    fn climb(&self, view: &View, region: &mut Region, owner: u8, params: &MaptrackParams) -> [f64; 2] {
+    fn climb(&self, view: &SceneView, region: &mut Region, owner: u8) -> [f64; 2] {
         let from = self.expected.centre();
         let mut place = from;
-        let steps = if self.recognised.is_some() { 0 } else { params.model.steps };
+        let steps = if self.recognised.is_some() { 0 } else { STEPS };
         let look = |region: &mut Region, place| {
-            let window = Rect::around(place, self.expected.size()).scaled(params.model.margin);
-            region.look(view, window, owner, &params.model);
-            region.compose(&self.colours, &self.history, &params.model);
+            let window = Rect::around(place, self.expected.size()).scaled(MARGIN);
+            region.look(view, window, owner);
+            region.compose(&self.colours, &self.history);
         };
         look(region, place);
         for _ in 0..steps {
             let by = region.shift();
             let mut to = [place[0] + by[0], place[1] + by[1]];
             if self.is_hidden() {
-                let [w, h] = region.window.size().map(|side| side * params.occlusion.drift);
+                let [w, h] = region.window.size().map(|side| side * DRIFT);
                 to = [to[0].clamp(from[0] - w, from[0] + w), to[1].clamp(from[1] - h, from[1] + h)];
             }
             let moved = distance(place, to);
@@ -272,8 +281,8 @@ impl Track {
         place
     }
 
-    /// Whether the target is hidden: from when its visibility falls below a share of the best of late (eq 12), until enough
-    /// of it moves again (eq 14).
+    /// Whether the target is hidden: from when its visibility falls below a share of the best of late (eq 12), until
+    /// enough of it moves again (eq 14).
     fn judge(&self, region: &Region, dt: f64, params: &MaptrackParams) -> Option<Hidden> {
         let settings = &params.occlusion;
         let width = region.window.w;
@@ -283,19 +292,19 @@ impl Track {
         match self.hidden {
             None => {
                 let best = self.path.best_visibility(width);
-                let from = self.held_from(width, settings.widths * width);
+                let from = self.held_from(width, WIDTHS * width);
                 (self.sums.visibility < settings.begin * best).then_some(Hidden { from, best, time: dt })
             }
             Some(hidden) => {
-                let is_back = self.sums.moving > settings.end * hidden.best;
+                let is_back = self.sums.moving > END * hidden.best;
                 (!is_back).then_some(Hidden { time: hidden.time + dt, ..hidden })
             }
         }
     }
 
-    /// The moment from which the way of a target that is being hidden is reckoned on: f0 (eq 13). Where it has not come so far
-    /// yet, or would by now be more than `reach` from its last place, for it has turned since, that tells nothing of its
-    /// way, and it is reckoned on from the last moment.
+    /// The moment from which the way of a target that is being hidden is reckoned on: f0 (eq 13). Where it has not come
+    /// so far yet, or would by now be more than `reach` from its last place, for it has turned since, that tells
+    /// nothing of its way, and it is reckoned on from the last moment.
     fn held_from(&self, width: f64, reach: f64) -> Moment {
         let last = self.path.last();
         let from = self.path.base(last.place, width);
@@ -304,8 +313,8 @@ impl Track {
         if is_far && distance(now, last.place) <= reach { from } else { last }
     }
 
-    /// The box, closer to the blob that is its target's alone: each side by itself, for something may hide the target from one
-    /// side, or touch it there. A much smaller side tells nothing, a larger one how the box must grow.
+    /// The box, closer to the blob that is its target's alone: each side by itself, for something may hide the target
+    /// from one side, or touch it there. A much smaller side tells nothing, a larger one how the box must grow.
     fn settled(&self, rect: Rect, blob: Option<Rect>, groups: &MaptrackGroups) -> Rect {
         let Some(blob) = blob.filter(|_| !self.is_marked) else { return rect };
         let (mut centre, mut size) = (rect.centre(), rect.size());
@@ -323,18 +332,9 @@ impl Track {
     }
 
     /// Goes on from where the target was found, and learns its colours and shape there (eqs 3 and 8).
-    fn go_on(
-        &mut self,
-        view: &View,
-        region: &mut Region,
-        owner: u8,
-        was_hidden: Option<Hidden>,
-        dt: f64,
-        params: &MaptrackParams,
-    ) {
-        let model = &params.model;
-        region.look(view, self.rect.scaled(model.margin), owner, model);
-        region.compose(&self.colours, &self.history, model);
+    fn go_on(&mut self, view: &SceneView, region: &mut Region, owner: u8, was_hidden: Option<Hidden>, dt: f64) {
+        region.look(view, self.rect.scaled(MARGIN), owner);
+        region.compose(&self.colours, &self.history);
         self.sums = region.sums(&self.history);
         let dt = dt + was_hidden.map_or(0.0, |hidden| hidden.time);
         self.path.go(self.rect.centre(), self.sums.visibility, dt, region.window.w);
@@ -343,19 +343,19 @@ impl Track {
         if !view.is_believed() || !is_certain {
             return;
         }
-        self.history.learn(region.moving_and_alike(), model.shape);
+        self.history.learn(region.moving_and_alike(), SHAPE);
         let side = |cell: usize| match (region.inside[cell], region.motion[cell] > 0.0) {
             (false, _) => 0,
             (true, true) => 1,
             (true, false) => -1,
         };
         let sides: [i8; CELLS] = std::array::from_fn(side);
-        self.colours.learn(&region.bins, &sides, model.colours);
+        self.colours.learn(&region.bins, &sides, COLOURS);
     }
 
     /// The state by table 1, and what is said of it.
     fn infer(&mut self, found: [f64; 2], region: &Region, params: &MaptrackParams) {
-        let reach = params.occlusion.drift * region.window.w.max(region.window.h);
+        let reach = DRIFT * region.window.w.max(region.window.h);
         let is_near = distance(found, self.expected.centre()) <= reach;
         self.inferred = Inferred::of(self.sums.motion > PRESENT, self.sums.colour > PRESENT, is_near);
         self.state = match (self.recognised, self.hidden, self.inferred) {
@@ -378,8 +378,8 @@ impl Track {
     /// Whether a target that would be in `place` has been hidden for too long, or would have come too far.
     fn is_given_up(&self, hidden: &Hidden, place: [f64; 2], params: &MaptrackParams) -> bool {
         let settings = &params.occlusion;
-        let width = self.rect.w * params.model.margin;
-        hidden.time > settings.frames as f64 || distance(self.path.last().place, place) > settings.widths * width
+        let width = self.rect.w * MARGIN;
+        hidden.time > settings.frames as f64 || distance(self.path.last().place, place) > WIDTHS * width
     }
 
     /// How alike its colours are to those of another, 0 to 1.
@@ -400,7 +400,7 @@ impl Track {
         (self.is_marked, self.age, self.reacquired) = (own.is_marked, own.age, was_lost);
     }
 
-    fn velocity(&self, view: &View) -> [f64; 2] {
+    fn velocity(&self, view: &SceneView) -> [f64; 2] {
         if self.recognised.is_some_and(|recognised| recognised.blind) {
             return [0.0; 2];
         }
@@ -418,16 +418,16 @@ impl Track {
     }
 
     /// Shows where the target was expected, and its composite image.
-    pub(super) fn show(&self, view: &View, region: &Region, trace: &mut dyn Trace) {
-        trace.prediction(view.to_frame(&self.expected));
+    pub(super) fn show(&self, view: &SceneView, region: &Region, trace: &mut dyn Trace) {
+        trace.event(Event::Prediction(view.to_frame(&self.expected)));
         let window = view.to_frame(&region.window);
-        trace.search_window(window);
-        trace.response(&ResponseMap { values: &region.composite, rows: SIDE, cols: SIDE, window });
+        trace.event(Event::SearchWindow(window));
+        trace.event(Event::Response(&ResponseMap { values: &region.composite, rows: SIDE, cols: SIDE, window }));
     }
 
     /// Shows all images of its region.
-    pub(super) fn show_cues(&self, view: &View, region: &Region, trace: &mut dyn Trace) {
-        trace.cues(&Cues {
+    pub(super) fn show_cues(&self, view: &SceneView, region: &Region, trace: &mut dyn Trace) {
+        trace.event(Event::Cues(&Cues {
             id: &self.id,
             name: self.inferred.name(),
             window: view.to_frame(&region.window),
@@ -439,15 +439,17 @@ impl Track {
                 ("position", &region.position),
                 ("composite", &region.composite),
             ],
-        });
+        }));
     }
 
+    /// With a pattern, how often such boxes are right, as that tells it. Otherwise a figure of merit that no ground
+    /// truth was asked for: how much of the target is seen, and less the longer it is hidden.
     fn confidence(&self) -> f64 {
         if let Some(recognised) = self.recognised {
             return recognised.confidence;
         }
-        let hidden = self.hidden.map_or(1.0, |hidden| 0.5 / (1.0 + hidden.time / 5.0));
-        hidden * self.sums.seen.clamp(0.05, 1.0)
+        let hidden = self.hidden.map_or(1.0, |hidden| HIDDEN / (1.0 + hidden.time / FADING));
+        hidden * self.sums.seen.clamp(LEAST_SEEN, 1.0)
     }
 }
 

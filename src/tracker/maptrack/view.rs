@@ -3,7 +3,7 @@
 use crate::crop::{Cropper, Patch};
 use crate::detect::background::{Background, BackgroundSettings};
 use crate::detect::blobs::{Blob, BlobFinder, Morphology};
-use crate::detect::camera::{Motion, warp};
+use crate::detect::camera::{CameraMotion, warp};
 use crate::detect::stabilisation::Stabiliser;
 use crate::frame::Frame;
 use crate::geometry::Rect;
@@ -13,15 +13,17 @@ use crate::params::MaptrackParams;
 pub(super) const NOBODY: u8 = 0;
 /// The window of the view follows the camera when the picture has left it by this share of a side.
 const ASTRAY: f64 = 0.1;
+/// Gaussians of a pixel of the background.
+const GAUSSIANS: usize = 4;
 /// A camera that has turned by more than this, in radians, is taken for one that starts anew.
 const TURNED: f64 = 0.2;
 
 /// The picture of a frame, with its motion image. Coordinates are in its pixels, as everywhere in this tracker.
-pub(super) struct View {
+pub(super) struct SceneView {
     cropper: Cropper,
     stabiliser: Stabiliser,
     /// From the picture as it came to the view: what the camera did, less where the window is.
-    motion: Motion,
+    motion: CameraMotion,
     /// Where the window of the view is in the scene, in whole pixels from where it began.
     origin: [f64; 2],
     /// The picture as it came, where it is stabilised, and which pixels of the view it covers.
@@ -46,12 +48,12 @@ pub(super) struct View {
     factors: [f64; 2],
 }
 
-impl View {
+impl SceneView {
     pub(super) fn new(params: &MaptrackParams) -> Self {
         Self {
             cropper: Cropper::default(),
             stabiliser: Stabiliser::default(),
-            motion: Motion::none(0, 0),
+            motion: CameraMotion::none(0, 0),
             origin: [0.0; 2],
             unsteady: Patch::default(),
             covered: Vec::new(),
@@ -69,11 +71,9 @@ impl View {
         }
     }
 
-    /// Forgets the background where changed parameters ask for another model.
-    pub(super) fn retune(&mut self, params: &MaptrackParams) {
-        if *self.background.settings() != settings(params) {
-            self.background = Background::new(settings(params));
-        }
+    /// Learns the background anew, by another model.
+    pub(super) fn forget_background(&mut self, params: &MaptrackParams) {
+        self.background = Background::new(settings(params));
     }
 
     /// Whether it has never looked for motion.
@@ -89,7 +89,7 @@ impl View {
         self.factors = [width / w, height / h];
         let (w, h) = (w as usize, h as usize);
         if !params.stabilisation.enabled || self.size() != [w, h] {
-            (self.motion, self.origin) = (Motion::none(w, h), [0.0; 2]);
+            (self.motion, self.origin) = (CameraMotion::none(w, h), [0.0; 2]);
             self.stabiliser.clear();
         }
         let seen = if params.stabilisation.enabled { &mut self.unsteady } else { &mut self.patch };
@@ -107,8 +107,8 @@ impl View {
         }
     }
 
-    /// Sees the next frame, what moves in it (section 3.2, the difference image) and in which blobs. Returns by how much
-    /// the window of the view has moved over the scene, in whole pixels.
+    /// Sees the next frame, what moves in it (section 3.2, the difference image) and in which blobs. Returns by how
+    /// much the window of the view has moved over the scene, in whole pixels.
     pub(super) fn look(&mut self, frame: &Frame, params: &MaptrackParams) -> [f64; 2] {
         self.see(frame, params);
         let moved = if params.stabilisation.enabled { self.stabilise(params) } else { [0.0; 2] };
@@ -127,8 +127,9 @@ impl View {
         moved
     }
 
-    /// Takes out the camera's motion (section 3.1). Where it goes far the window of the view goes along, and what is known
-    /// of the background moves with it; where nothing tells its motion, or it has turned far, the background is learned anew.
+    /// Takes out the camera's motion (section 3.1). Where it goes far the window of the view goes along, and what is
+    /// known of the background moves with it; where nothing tells its motion, or it has turned far, the background is
+    /// learned anew.
     fn stabilise(&mut self, params: &MaptrackParams) -> [f64; 2] {
         let [width, height] = [self.unsteady.width, self.unsteady.height];
         let moved: [f64; 2];
@@ -144,13 +145,13 @@ impl View {
                     self.origin = [0, 1].map(|i| self.origin[i] + moved[i]);
                 }
                 let shift = [0, 1].map(|i| motion.shift[i] - self.origin[i]);
-                self.motion = Motion { shift, ..motion };
+                self.motion = CameraMotion { shift, ..motion };
             }
             _ => {
                 self.background.clear();
                 self.stabiliser.clear();
                 moved = self.motion.shift.map(|shift| -shift);
-                (self.motion, self.origin) = (Motion::none(width, height), [0.0; 2]);
+                (self.motion, self.origin) = (CameraMotion::none(width, height), [0.0; 2]);
             }
         }
         self.steady(params);
@@ -260,7 +261,7 @@ impl View {
 fn settings(params: &MaptrackParams) -> BackgroundSettings {
     let background = &params.background;
     BackgroundSettings {
-        gaussians: background.gaussians as usize,
+        gaussians: GAUSSIANS,
         window: background.window as usize,
         share: background.share,
         deviations: background.deviations,
@@ -286,8 +287,8 @@ mod tests {
     }
 
     /// A view that has learned an empty scene and then looks at the square.
-    fn view(params: &MaptrackParams, square: usize) -> View {
-        let mut view = View::new(params);
+    fn view(params: &MaptrackParams, square: usize) -> SceneView {
+        let mut view = SceneView::new(params);
         for n in 0..20 {
             let data = picture((n == 19).then_some(square));
             view.look(&Frame::new(&data, SIDE, SIDE, SIDE as usize, Encoding::Mono8, None).unwrap(), params);
@@ -325,7 +326,7 @@ mod tests {
     fn a_large_frame_is_seen_smaller_and_boxes_go_there_and_back() {
         let mut params = Params::default().maptrack;
         params.image.pixels = 1024;
-        let mut view = View::new(&params);
+        let mut view = SceneView::new(&params);
         let data = vec![0; 128 * 32];
         view.see(&Frame::new(&data, 128, 32, 128, Encoding::Mono8, None).unwrap(), &params);
         assert_eq!(view.size(), [64, 16]);

@@ -23,7 +23,8 @@ fn by_kind() -> Vec<String> {
         "a: off\nb: no\nc: on\nd: yes\ne: Y\nf: n\ng: yEs\nh: TRUE",
         "a: 007\nb: 0x1F\nc: 08\nd: 0o7\ne: 0b1\nf: -010\ng: +5\nh: 1_000",
         "a: 18446744073709551615\nb: 9223372036854775807\nc: -9223372036854775808\nd: 9223372036854775808",
-        "a: 1e5\nb: 1.\nc: .5\nd: 1e999\ne: 1e-320\nf: 0x1p3\ng: -0x.8P-1\nh: 1e\ni: 4.9e-324\nj: 2.2250738585072014e-308",
+        "a: 1e5\nb: 1.\nc: .5\nd: 1e999\ne: 1e-320\nf: 0x1p3\ng: -0x.8P-1\nh: 1e\ni: 4.9e-324\n\
+         j: 2.2250738585072014e-308",
         "a: .nan\nb: .inf\nc: -.INF\nd: nan\ne: Infinity\nf: +.nan\ng: inf\nh: -inf\ni: nan(1)",
         "a: 'on'\nb: \"7\"\nc: ''\nd: \"\\0\"\ne: \"x\\0y\"\nf: \"\\u00e9\\x41\\n\"",
         "a: !!str 5\nb: !!int '5'\nc: ! 5\nd: !!float 1\ne: !<tag:yaml.org,2002:str> on\nf: !!binary aGk=",
@@ -114,7 +115,8 @@ fn by_kind() -> Vec<String> {
         "/**: {ros__parameters: {a: 2}}\n/tracker: {ros__parameters: {a: 1}}",
         "other: {ros__parameters: {a: [1, 2]}}",
         "/*: {ros__parameters: {a: 1}}\n'**': {ros__parameters: {b: 1}}\n'*': {ros__parameters: {c: 1}}",
-        "/**/tracker: {ros__parameters: {a: 1}}\n/ns/**: {ros__parameters: {b: 1}}\n/*/tracker: {ros__parameters: {c: 1}}",
+        "/**/tracker: {ros__parameters: {a: 1}}\n/ns/**: {ros__parameters: {b: 1}}\n\
+         /*/tracker: {ros__parameters: {c: 1}}",
         "/track*: {ros__parameters: {a: 1}}",
         "track-er: {ros__parameters: {a: 1}}",
         "1a: {ros__parameters: {a: 1}}",

@@ -5,17 +5,44 @@ use std::collections::BinaryHeap;
 
 use mcap::records::{ChunkIndex, Record, op};
 
-use super::super::{BagError, Recorded, inflate};
-use super::{MESSAGE_HEADER, Place, RECORD_HEADER, Source};
+use super::super::{BagError, InflateError, Recorded, inflate};
+use super::{MESSAGE_HEADER, McapSource, Place, RECORD_HEADER};
 
 /// Chunks whose times overlap are held at a time, as long as they take no more than so many of the largest messages.
 const HELD: usize = 2;
 
-/// Messages of those chunks that wait at a time, at most. One that holds an image is not so small that there could be more.
+/// Messages of those chunks that wait at a time, at most. One that holds an image is not so small that there could be
+/// more.
 const MOST_WAITING: usize = 1 << 20;
 
-/// A message that waits for its turn: when it was recorded, where its chunk is in the file and it in the chunk, and which of
-/// the open chunks that is.
+/// Why a chunk is not read.
+#[derive(Debug, thiserror::Error)]
+enum ChunkError {
+    /// More bytes than may be.
+    #[error("{len} bytes, at most {most} are read")]
+    TooLarge { len: u64, most: usize },
+    /// More bytes than may be, with those of the chunks that are open.
+    #[error("its {len} bytes and {held} of those that overlap it in time are more than {HELD} x {most}")]
+    Overlap { len: usize, held: usize, most: usize },
+    /// Compressed in another way.
+    #[error("compression '{0}' is not read, only zstd and lz4 are")]
+    Compression(String),
+    #[error(transparent)]
+    Inflate(#[from] InflateError),
+    /// Not as long as it claims to be.
+    #[error("{len} bytes, {claimed} were claimed")]
+    Length { len: usize, claimed: usize },
+    #[error("the record at {at} in it is cut off")]
+    Record { at: usize },
+    #[error("the message at {at} in it is cut off")]
+    Message { at: usize },
+    /// More messages wait than may.
+    #[error("more than {MOST_WAITING} messages of the same time")]
+    Crowded,
+}
+
+/// A message that waits for its turn: when it was recorded, where its chunk is in the file and it in the chunk, and
+/// which of the open chunks that is.
 type Waiting = (u64, u64, usize, usize);
 
 /// An open chunk.
@@ -38,8 +65,9 @@ pub struct Chunks {
 }
 
 impl Chunks {
-    /// Looks through the index of chunks, which must not overlap in the file: one that is listed twice would be read twice.
-    pub(super) fn new(mut chunks: Vec<ChunkIndex>, channels: Vec<u16>, source: &Source) -> Result<Self, BagError> {
+    /// Looks through the index of chunks, which must not overlap in the file: one that is listed twice would be read
+    /// twice.
+    pub(super) fn new(mut chunks: Vec<ChunkIndex>, channels: Vec<u16>, source: &McapSource) -> Result<Self, BagError> {
         chunks.sort_by_key(|chunk| chunk.chunk_start_offset);
         for pair in chunks.windows(2) {
             let [begin, next] = [pair[0].chunk_start_offset, pair[1].chunk_start_offset];
@@ -65,7 +93,7 @@ impl Chunks {
     }
 
     /// Overwrites `message` by the next; `false` after the last.
-    pub(super) fn next_into(&mut self, source: &mut Source, message: &mut Recorded) -> Result<bool, BagError> {
+    pub(super) fn next_into(&mut self, source: &mut McapSource, message: &mut Recorded) -> Result<bool, BagError> {
         while let Some(chunk) = self.closed.as_slice().first()
             && self.waiting.peek().is_none_or(|Reverse((time, ..))| chunk.message_start_time < *time)
         {
@@ -89,30 +117,28 @@ impl Chunks {
     }
 
     /// Reads a chunk and finds the messages in it.
-    fn open(&mut self, chunk: &ChunkIndex, source: &mut Source) -> Result<(), BagError> {
+    fn open(&mut self, chunk: &ChunkIndex, source: &mut McapSource) -> Result<(), BagError> {
         let start = chunk.chunk_start_offset;
-        let failed = |source: &Source, why: String| Err(source.broken(format!("the chunk at {start}: {why}")));
+        let failed = |source: &McapSource, why: ChunkError| Err(source.broken(format!("the chunk at {start}: {why}")));
         let (len, most) = (chunk.uncompressed_size, source.most);
         let Some(len) = usize::try_from(len).ok().filter(|&len| len <= most) else {
-            return failed(source, format!("{len} bytes, at most {most} are read"));
+            return failed(source, ChunkError::TooLarge { len, most });
         };
         let held: usize = self.open.iter().map(|open| open.bytes.len()).sum();
         if held + len > most.saturating_mul(HELD) {
-            let why =
-                format!("its {len} bytes and {held} of those that overlap it in time are more than {HELD} x {most}");
-            return failed(source, why);
+            return failed(source, ChunkError::Overlap { len, held, most });
         }
         let offset = chunk.compressed_data_offset().map_err(|e| source.error(e))?;
         source.read(Place { opcode: op::CHUNK, offset, len: chunk.compressed_size }, &mut self.packed)?;
         let bytes = match chunk.compression.as_str() {
             "" => Ok(std::mem::take(&mut self.packed)),
-            "zstd" => inflate::zstd(&self.packed, len),
-            "lz4" => inflate::lz4(&self.packed, len),
-            other => Err(format!("compression '{other}' is not read, only zstd and lz4 are")),
+            "zstd" => inflate::zstd(&self.packed, len).map_err(ChunkError::from),
+            "lz4" => inflate::lz4(&self.packed, len).map_err(ChunkError::from),
+            other => Err(ChunkError::Compression(other.to_owned())),
         };
         let bytes = match bytes {
             Ok(bytes) if bytes.len() == len => bytes,
-            Ok(bytes) => return failed(source, format!("{} bytes, {len} were claimed", bytes.len())),
+            Ok(bytes) => return failed(source, ChunkError::Length { len: bytes.len(), claimed: len }),
             Err(why) => return failed(source, why),
         };
         let slot = self.open.iter().position(|open| open.waiting == 0).unwrap_or(self.open.len());
@@ -130,19 +156,18 @@ impl Chunks {
     }
 
     /// Adds the messages of a chunk to those that wait; says how many.
-    fn find(&mut self, bytes: &[u8], start: u64, slot: usize) -> Result<usize, String> {
+    fn find(&mut self, bytes: &[u8], start: u64, slot: usize) -> Result<usize, ChunkError> {
         let before = self.waiting.len();
         let mut at = 0;
         while at < bytes.len() {
-            let Some(body) = body(bytes, at) else { return Err(format!("the record at {at} in it is cut off")) };
+            let Some(body) = body(bytes, at) else { return Err(ChunkError::Record { at }) };
             if bytes[at] == op::MESSAGE {
-                let header =
-                    body.get(..MESSAGE_HEADER).ok_or_else(|| format!("the message at {at} in it is cut off"))?;
+                let header = body.get(..MESSAGE_HEADER).ok_or(ChunkError::Message { at })?;
                 if let Ok(Record::Message { header, .. }) = mcap::parse_record(op::MESSAGE, header)
                     && self.channels.contains(&header.channel_id)
                 {
                     if self.waiting.len() == MOST_WAITING {
-                        return Err(format!("more than {MOST_WAITING} messages of the same time"));
+                        return Err(ChunkError::Crowded);
                     }
                     self.waiting.push(Reverse((header.log_time, start, at, slot)));
                 }

@@ -1,5 +1,5 @@
-//! Files without an index of what is in them, for the recorder was ended before it wrote one, or left it out: messages in the
-//! order in which they were written, as far as the file goes.
+//! Files without an index of what is in them, for the recorder was ended before it wrote one, or left it out: messages
+//! in the order in which they were written, as far as the file goes.
 
 use std::collections::HashMap;
 use std::fs::File;

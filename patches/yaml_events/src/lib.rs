@@ -1,16 +1,30 @@
 //! The events of a YAML text, as libyaml finds them.
 //!
 //! rcl reads by libyaml, and where libyaml is lenient or strict beyond the standard, so are all nodes. Its port to Rust
-//! was made by a machine and has the functions and pointers of the original; this file is what of it is `unsafe`.
+//! was made by a machine and has the functions and pointers of the original; this crate makes it safe to use.
 
 use std::ffi::CStr;
+use std::fmt;
 use std::marker::PhantomData;
 use std::mem::MaybeUninit;
 use std::slice;
 
 use unsafe_libyaml as unsafe_yaml;
 
-use super::Place;
+/// A place in a text, counted from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Line.
+    pub line: u64,
+    /// Character in the line.
+    pub column: u64,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {}, column {}", self.line, self.column)
+    }
+}
 
 /// What libyaml finds next in a text.
 #[derive(Debug, PartialEq, Eq)]
@@ -47,7 +61,16 @@ pub struct Invalid {
     pub place: Place,
 }
 
+impl fmt::Display for Invalid {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.place, self.why)
+    }
+}
+
+impl std::error::Error for Invalid {}
+
 /// Reads a text event by event.
+#[derive(Debug)]
 pub struct Parser<'a> {
     raw: Box<MaybeUninit<unsafe_yaml::yaml_parser_t>>,
     ended: bool,
@@ -136,8 +159,9 @@ unsafe fn convert(event: &unsafe_yaml::yaml_event_t) -> Event {
 }
 
 /// # Safety
-/// The parser has failed.
+/// libyaml has initialised the parser.
 unsafe fn invalid(parser: &unsafe_yaml::yaml_parser_t) -> Invalid {
+    // SAFETY: what the messages of a parser point to are literals.
     let message = |text: *const i8| if text.is_null() { String::new() } else { unsafe { string(text) } };
     let (problem, context) = (message(parser.problem), message(parser.context));
     let why = if context.is_empty() { problem } else { format!("{problem} {context}") };
