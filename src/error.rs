@@ -2,7 +2,12 @@
 //!
 //! Losing the target is no error: it is [`State::Lost`](crate::State::Lost).
 
+mod yaml;
+
 use std::path::PathBuf;
+
+pub use yaml::{NameError, YamlError};
+use yaml_events::Place;
 
 use crate::geometry::Rect;
 
@@ -98,11 +103,19 @@ pub enum ParamsError {
     #[error(transparent)]
     Network(#[from] NetworkError),
     /// `NAME:=VALUE` without the `:=`, or with a value that is no YAML.
-    #[error("'{text}' is no parameter assignment: {why}")]
-    Assignment { text: String, why: String },
+    #[error("'{text}' is no parameter assignment: {source}")]
+    Assignment { text: String, source: YamlError },
     /// A parameter file that cannot be read or understood.
-    #[error("parameter file {}: {why}", path.display())]
-    File { path: PathBuf, why: String },
+    #[error("parameter file {}: {source}", path.display())]
+    File { path: PathBuf, source: YamlError },
+    /// What a parameter file says, at `place` where one is known, is refused.
+    #[error("parameter file {}: {}{source}", path.display(), at(*place))]
+    InFile { path: PathBuf, place: Option<Place>, source: Box<Self> },
+}
+
+/// `PLACE: `; nothing where none is known.
+fn at(place: Option<Place>) -> String {
+    place.map(|place| format!("{place}: ")).unwrap_or_default()
 }
 
 /// Why a network cannot be used.

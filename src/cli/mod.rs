@@ -121,7 +121,9 @@ pub fn params(files: &[impl AsRef<Path>], algorithm: Option<&str>, set: &[Assign
         // By itself first, so that the message can name the file.
         match changed(&read) {
             Ok(_) | Err(ParamsError::Conflict(_)) => {}
-            Err(error) => return Err(ParamsError::File { path: path.to_owned(), why: error.to_string() }),
+            Err(error) => {
+                return Err(ParamsError::InFile { path: path.to_owned(), place: None, source: Box::new(error) });
+            }
         }
         changes.extend(read);
     }

@@ -12,6 +12,8 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use log::{error, info};
+#[cfg(feature = "onnxruntime")]
+use onnxruntime::Found;
 
 use crate::error::NetworkError;
 use crate::file::{self, FileError};
@@ -98,9 +100,12 @@ impl Request {
         #[cfg(feature = "onnxruntime")]
         {
             let found = onnxruntime::find(self.inference, self.library.as_deref());
-            Ok(match found.map_err(|why| NetworkError::Runtime { why })? {
-                Ok((runtime, name)) => (Engine::OnnxRuntime(runtime), name),
-                Err(why) => (Engine::Builtin, format!("{BUILTIN}, {why}")),
+            Ok(match found.map_err(|error| NetworkError::Runtime { why: error.to_string() })? {
+                Found::Library { runtime, path } => {
+                    (Engine::OnnxRuntime(runtime), format!("ONNX Runtime, {}", path.display()))
+                }
+                Found::Unwanted => (Engine::Builtin, format!("{BUILTIN}, as asked for")),
+                Found::Nothing => (Engine::Builtin, format!("{BUILTIN}, no ONNX Runtime was found")),
             })
         }
         #[cfg(not(feature = "onnxruntime"))]

@@ -13,7 +13,7 @@ pub(super) trait Backend: Send {
     fn input(&self) -> Vec<Option<usize>>;
 
     /// Runs an image, `1 x 3 x side x side`, and fills the map of each output that was asked for; or says why not.
-    fn run(&mut self, image: &[f32], side: usize, maps: &mut [FeatureMap]) -> Result<(), String>;
+    fn run(&mut self, image: &[f32], side: usize, maps: &mut [FeatureMap]) -> Result<(), RunError>;
 }
 
 /// Why a library does not load a network.
@@ -26,12 +26,27 @@ pub(super) enum Refusal {
     Inputs(usize),
 }
 
+/// Why a network does not run on an image.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
+pub enum RunError {
+    /// The library fails, in its words.
+    #[error("{why}")]
+    Library { why: String },
+    /// An output is of another type.
+    #[error("an output holds no floats")]
+    NoFloats,
+    /// An output is no map of features; `known` are the first of its sides.
+    #[error("an output has {sides} sides, {known:?}, expected [1, channels, rows, columns]")]
+    Shape { sides: usize, known: [usize; 4] },
+}
+
 /// Takes on what an output of shape `1 x channels x rows x columns` holds, or says what is wrong with its shape.
 pub(super) fn fill(
     map: &mut FeatureMap,
     shape: impl ExactSizeIterator<Item = usize>,
     data: &[f32],
-) -> Result<(), String> {
+) -> Result<(), RunError> {
     let (sides, mut known) = (shape.len(), [0; 4]);
     known.iter_mut().zip(shape).for_each(|(known, side)| *known = side);
     match known {
@@ -40,6 +55,6 @@ pub(super) fn fill(
             map.data.copy_from_slice(data);
             Ok(())
         }
-        _ => Err(format!("an output has {sides} sides, {known:?}, expected [1, channels, rows, columns]")),
+        _ => Err(RunError::Shape { sides, known }),
     }
 }

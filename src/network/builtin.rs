@@ -7,7 +7,7 @@ use tract_onnx::prelude::*;
 use tract_onnx::tract_hir::infer::GenericFactoid;
 use tract_onnx::tract_hir::internal::DimLike;
 
-use super::backend::{Backend, Model, Refusal, fill};
+use super::backend::{Backend, Model, Refusal, RunError, fill};
 use super::depthwise;
 use crate::features::FeatureMap;
 
@@ -51,20 +51,21 @@ impl Backend for Tract {
         fact.shape.dims().map(side).collect()
     }
 
-    fn run(&mut self, image: &[f32], side: usize, maps: &mut [FeatureMap]) -> Result<(), String> {
+    fn run(&mut self, image: &[f32], side: usize, maps: &mut [FeatureMap]) -> Result<(), RunError> {
+        let failed = |error: TractError| RunError::Library { why: why(&error) };
         let shape = [1, 3, side, side];
         let plan = match &self.plan {
             Some((planned, plan)) if *planned == side => plan.clone(),
             _ => {
-                let plan = optimised(&self.model, shape).map_err(|error| why(&error))?;
+                let plan = optimised(&self.model, shape).map_err(failed)?;
                 self.plan.insert((side, plan)).1.clone()
             }
         };
         let compute = || -> TractResult<_> { plan.run(tvec!(Tensor::from_shape(&shape, image)?.into())) };
-        let values = multithread_tract_scope(self.executor.clone(), compute).map_err(|error| why(&error))?;
+        let values = multithread_tract_scope(self.executor.clone(), compute).map_err(failed)?;
         for (value, map) in values.iter().zip(maps) {
-            let plain = value.as_plain_ram().ok_or("an output holds no floats")?;
-            let data = plain.as_slice::<f32>().map_err(|error| why(&error))?;
+            let plain = value.as_plain_ram().ok_or(RunError::NoFloats)?;
+            let data = plain.as_slice::<f32>().map_err(failed)?;
             fill(map, value.shape().iter().copied(), data)?;
         }
         Ok(())

@@ -21,8 +21,8 @@ mod onnxruntime;
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-pub use backend::Model;
 use backend::{Backend, Refusal};
+pub use backend::{Model, RunError};
 #[cfg(feature = "onnxruntime")]
 pub use onnxruntime::Runtime;
 
@@ -80,7 +80,7 @@ pub struct Cnn {
     image: Vec<f32>,
     maps: Vec<FeatureMap>,
     /// Why the last run failed, if it did.
-    failure: Option<String>,
+    failure: Option<RunError>,
     /// How often it has run since it was loaded.
     #[cfg(test)]
     pub(crate) runs: usize,
@@ -144,8 +144,8 @@ impl Cnn {
     }
 
     /// Why the last run failed; `None` if it did not.
-    pub fn failure(&self) -> Option<&str> {
-        self.failure.as_deref()
+    pub fn failure(&self) -> Option<&RunError> {
+        self.failure.as_ref()
     }
 
     /// The map of each output, in the order of [`NetworkSettings::outputs`].
@@ -199,7 +199,7 @@ fn checked(
         let got = declared.iter().map(length).collect::<Vec<_>>().join(" x ");
         return Err(NetworkError::Input { file: name.to_owned(), got, side: *side });
     }
-    network.run(image, *side, maps).map_err(|why| refused(Refusal::Format(why)))?;
+    network.run(image, *side, maps).map_err(|why| refused(Refusal::Format(why.to_string())))?;
     for (output, map) in outputs.iter().zip(maps) {
         if map.data.iter().any(|v| !v.is_finite()) {
             return Err(NetworkError::NotFinite { file: name.to_owned(), name: output.clone() });
@@ -221,6 +221,10 @@ fn refused(refusal: Refusal, file: &str, side: usize) -> NetworkError {
 mod tests {
     use super::*;
 
+    fn out_of_memory() -> RunError {
+        RunError::Library { why: "out of memory".to_owned() }
+    }
+
     /// Runs once, when it is tried out, and fails from then on.
     struct Failing {
         runs: u32,
@@ -231,11 +235,11 @@ mod tests {
             Vec::new()
         }
 
-        fn run(&mut self, _: &[f32], _: usize, maps: &mut [FeatureMap]) -> Result<(), String> {
+        fn run(&mut self, _: &[f32], _: usize, maps: &mut [FeatureMap]) -> Result<(), RunError> {
             self.runs += 1;
             maps[0].resize(1, 1, 1);
             maps[0].data[0] = 1.0;
-            if self.runs == 2 { Err("out of memory".to_owned()) } else { Ok(()) }
+            if self.runs == 2 { Err(out_of_memory()) } else { Ok(()) }
         }
     }
 
@@ -264,8 +268,8 @@ mod tests {
         let mut seen = Vec::new();
         for _ in 0..3 {
             cnn.compute(&frame, &frame.bounds(), &mut Cropper::default());
-            seen.push((cnn.maps()[0].data[0], cnn.failure().map(str::to_owned)));
+            seen.push((cnn.maps()[0].data[0], cnn.failure().cloned()));
         }
-        assert_eq!(seen, [(1.0, None), (0.0, Some("out of memory".to_owned())), (1.0, None)]);
+        assert_eq!(seen, [(1.0, None), (0.0, Some(out_of_memory())), (1.0, None)]);
     }
 }

@@ -4,7 +4,7 @@ use ort::environment::Environment;
 use ort::session::{HasSelectedOutputs, OutputSelector, RunOptions, Session};
 use ort::value::{TensorRef, ValueType};
 
-use super::backend::{Backend, Refusal, fill};
+use super::backend::{Backend, Refusal, RunError, fill};
 use crate::features::FeatureMap;
 
 /// The library, opened.
@@ -53,12 +53,12 @@ impl Backend for OnnxRuntime {
         self.input.clone()
     }
 
-    fn run(&mut self, image: &[f32], side: usize, maps: &mut [FeatureMap]) -> Result<(), String> {
-        let image = TensorRef::from_array_view(([1, 3, side, side], image)).map_err(|error| error.to_string())?;
-        let values =
-            self.session.run_with_options(ort::inputs![image], &self.options).map_err(|error| error.to_string())?;
+    fn run(&mut self, image: &[f32], side: usize, maps: &mut [FeatureMap]) -> Result<(), RunError> {
+        let failed = |error: ort::Error| RunError::Library { why: error.to_string() };
+        let image = TensorRef::from_array_view(([1, 3, side, side], image)).map_err(failed)?;
+        let values = self.session.run_with_options(ort::inputs![image], &self.options).map_err(failed)?;
         for (name, map) in self.outputs.iter().zip(maps) {
-            let (shape, data) = values[name.as_str()].try_extract_tensor::<f32>().map_err(|error| error.to_string())?;
+            let (shape, data) = values[name.as_str()].try_extract_tensor::<f32>().map_err(failed)?;
             fill(map, shape.iter().map(|&side| side as usize), data)?;
         }
         Ok(())

@@ -7,7 +7,7 @@ use super::node_name::NodeName;
 use super::rcl::{Overrides, PARAMETERS_KEY};
 use super::value::Value;
 use super::{Group as _, Need, Params, Tier};
-use crate::error::ParamsError;
+use crate::error::{ParamsError, YamlError};
 
 /// A parameter's name and the value it is to take.
 pub type Assignment = (String, Value);
@@ -16,7 +16,7 @@ pub type Assignment = (String, Value);
 pub fn assignment(text: &str) -> Result<Assignment, ParamsError> {
     let mut overrides = Overrides::default();
     overrides.assign(text)?;
-    let of_no_other = || ParamsError::Assignment { text: text.to_owned(), why: "no node can be named here".to_owned() };
+    let of_no_other = || ParamsError::Assignment { text: text.to_owned(), source: YamlError::OtherNode };
     let found = overrides.of(&NodeName::default());
     found.first().map(|o| (o.name.clone(), o.value())).ok_or_else(of_no_other)
 }

@@ -226,7 +226,7 @@ impl NodeSettings {
 
 fn in_source(origin: &Origin, why: ParamsError) -> ParamsError {
     match (&origin.file, origin.place) {
-        (Some(file), Some(place)) => ParamsError::File { path: file.to_path_buf(), why: format!("{place}: {why}") },
+        (Some(file), place @ Some(_)) => ParamsError::InFile { path: file.to_path_buf(), place, source: Box::new(why) },
         _ => why,
     }
 }

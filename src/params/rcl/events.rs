@@ -4,10 +4,11 @@
 //! not show: names may come twice, documents follow each other, lists may hold lists. So does this, step by step, for
 //! what other nodes take from a file must be taken here too.
 
-use yaml_events::{Event, Parser};
+use yaml_events::{Event, Invalid, Parser};
 
 use super::names::{Nested, check_nodes, length};
 use super::{Origin, Overrides, PARAMETERS_KEY, Place, scalar};
+use crate::error::{NameError, YamlError};
 use crate::params::{Value, ValueKind};
 
 /// The deepest nesting of lists and maps. rcl has no limit, but the time to read grows with the depth.
@@ -51,7 +52,7 @@ enum List {
 }
 
 /// Takes in a parameter file; gives the nodes it names.
-pub fn file(text: &str, origin: Origin, to: &mut Overrides) -> Result<Vec<usize>, String> {
+pub fn file(text: &str, origin: Origin, to: &mut Overrides) -> Result<Vec<usize>, YamlError> {
     let mut walk = Walk {
         to,
         origin,
@@ -71,7 +72,7 @@ pub fn file(text: &str, origin: Origin, to: &mut Overrides) -> Result<Vec<usize>
 }
 
 /// Takes in the value of one parameter.
-pub fn value(text: &str, origin: Origin, at: (usize, usize), to: &mut Overrides) -> Result<(), String> {
+pub fn value(text: &str, origin: Origin, at: (usize, usize), to: &mut Overrides) -> Result<(), YamlError> {
     let mut list = List::None;
     each_event(text, |event, place| match event {
         Event::Scalar { text, quoted, tag } => {
@@ -86,37 +87,33 @@ pub fn value(text: &str, origin: Origin, at: (usize, usize), to: &mut Overrides)
             list = List::None;
             Ok(())
         }
-        Event::MapStart => Err("a map is no value; name each parameter by itself, with dots".to_owned()),
-        Event::Alias(name) => Err(no_alias(&name)),
+        Event::MapStart => Err(YamlError::MapAsValue),
+        Event::Alias(anchor) => Err(YamlError::Alias { anchor }),
         Event::MapEnd | Event::Frame => Ok(()),
     })
 }
 
 /// Gives each event of the text and its place to `take`; what either finds wrong is told with the place.
-fn each_event(text: &str, mut take: impl FnMut(Event, Place) -> Result<(), String>) -> Result<(), String> {
+fn each_event(text: &str, mut take: impl FnMut(Event, Place) -> Result<(), YamlError>) -> Result<(), YamlError> {
     let mut depth = 0u32;
     for event in Parser::new(text) {
-        let (event, place) = event.map_err(|e| e.to_string())?;
-        let told = |why: String| format!("{place}: {why}");
+        let (event, place) = event.map_err(|Invalid { why, place }| YamlError::Syntax { place, why })?;
+        let told = |why| YamlError::At { place, source: Box::new(why) };
         match event {
             Event::ListStart | Event::MapStart => depth += 1,
             Event::ListEnd | Event::MapEnd => depth = depth.saturating_sub(1),
             _ => {}
         }
         if depth > DEEPEST {
-            return Err(told(format!("lists and maps lie in each other more than {DEEPEST} deep")));
+            return Err(told(YamlError::Deep { most: DEEPEST }));
         }
         take(event, place).map_err(told)?;
     }
     Ok(())
 }
 
-fn no_alias(anchor: &str) -> String {
-    format!("'*{anchor}' stands for what is written elsewhere, which parameter files may not do")
-}
-
 impl Walk<'_> {
-    fn step(&mut self, event: Event, place: Place) -> Result<(), String> {
+    fn step(&mut self, event: Event, place: Place) -> Result<(), YamlError> {
         self.origin.place = Some(place);
         match event {
             Event::Scalar { text, .. } if self.is_key => {
@@ -129,7 +126,7 @@ impl Walk<'_> {
             }
             Event::ListStart => {
                 if self.is_key {
-                    return Err("a list stands where a name must".to_owned());
+                    return Err(YamlError::ListAsName);
                 }
                 self.must_be_below_parameters()?;
                 self.list = List::Empty;
@@ -154,22 +151,21 @@ impl Walk<'_> {
                 }
                 self.maps -= 1;
             }
-            Event::Alias(name) => return Err(no_alias(&name)),
+            Event::Alias(anchor) => return Err(YamlError::Alias { anchor }),
             Event::Frame => {}
         }
         Ok(())
     }
 
-    fn key(&mut self, written: &str) -> Result<(), String> {
+    fn key(&mut self, written: &str) -> Result<(), YamlError> {
         if written.is_empty() {
-            return Err("a name is empty".to_owned());
+            return Err(NameError::Empty.into());
         }
         let key = c_string(written);
         match self.level {
-            Level::Nodes if !key.starts_with(PARAMETERS_KEY) => self.nodes.push(key),
+            Level::Nodes if !key.starts_with(PARAMETERS_KEY) => Ok(self.nodes.push(key)?),
             Level::Nodes => {
-                let why = || format!("'{PARAMETERS_KEY}' must stand below a node name, such as '/**'");
-                let nodes = self.nodes.joined().ok_or_else(why)?;
+                let nodes = self.nodes.joined().ok_or(YamlError::NoNode { key: PARAMETERS_KEY })?;
                 check_nodes(nodes)?;
                 self.node = self.to.node(nodes);
                 self.named.push(self.node);
@@ -180,7 +176,7 @@ impl Walk<'_> {
             Level::Parameters => {
                 if std::mem::take(&mut self.new_map) {
                     let group = self.to.name((self.node, self.parameter));
-                    self.groups.enter(&group.ok_or("a map stands where a name must")?);
+                    self.groups.enter(&group.ok_or(YamlError::MapAsName)?);
                 }
                 self.parameter = match self.groups.joined() {
                     None => {
@@ -201,21 +197,21 @@ impl Walk<'_> {
         }
     }
 
-    fn value(&mut self, text: &str, quoted: bool, tag: Option<&str>) -> Result<(), String> {
+    fn value(&mut self, text: &str, quoted: bool, tag: Option<&str>) -> Result<(), YamlError> {
         self.must_be_below_parameters()?;
         let at = (self.node, self.parameter);
-        let name = self.to.name(at).ok_or_else(|| format!("'{PARAMETERS_KEY}' must hold names with values"))?;
-        let told = |why| format!("'{name}': {why}");
+        let name = self.to.name(at).ok_or(YamlError::NoName { key: PARAMETERS_KEY })?;
+        let told = |why| YamlError::Value { name: name.to_string(), source: Box::new(why) };
         let value = typed(text, quoted, tag).map_err(told)?;
         self.to.put(at, value, &mut self.list, self.origin.clone()).map_err(told)
     }
 
-    fn must_be_below_parameters(&self) -> Result<(), String> {
+    fn must_be_below_parameters(&self) -> Result<(), YamlError> {
         match self.level {
             Level::Parameters => Ok(()),
             Level::Nodes => {
-                let below = self.nodes.joined().map(|n| format!("below '{n}' ")).unwrap_or_default();
-                Err(format!("a value stands {below}where '{PARAMETERS_KEY}' or the name of a node must"))
+                let nodes = self.nodes.joined().map(str::to_owned);
+                Err(YamlError::Outside { nodes, key: PARAMETERS_KEY })
             }
         }
     }
@@ -223,7 +219,7 @@ impl Walk<'_> {
 
 impl Overrides {
     /// Gives a parameter a value, or adds it to its list.
-    fn put(&mut self, at: (usize, usize), value: Value, list: &mut List, origin: Origin) -> Result<(), String> {
+    fn put(&mut self, at: (usize, usize), value: Value, list: &mut List, origin: Origin) -> Result<(), YamlError> {
         let kind = value.kind();
         let parameter = self.get_mut(at);
         parameter.origin = origin;
@@ -234,12 +230,10 @@ impl Overrides {
                 parameter.set(value.into_array());
             }
             List::Of(first) if first != kind => {
-                let (first, other) = (first.name(), kind.name());
-                return Err(format!(
-                    "the items of a list must be of one type, and {value} is of type {other}, not {first}"
-                ));
+                let (value, got, expected) = (value.to_string(), kind.name(), first.name());
+                return Err(YamlError::Item { value, got, expected });
             }
-            List::Of(_) if !parameter.append(value) => return Err("a list and a map are mixed".to_owned()),
+            List::Of(_) if !parameter.append(value) => return Err(YamlError::Mixed),
             List::Of(_) => {}
         }
         Ok(())
@@ -247,9 +241,9 @@ impl Overrides {
 }
 
 /// The value of a scalar.
-fn typed(text: &str, quoted: bool, tag: Option<&str>) -> Result<Value, String> {
+fn typed(text: &str, quoted: bool, tag: Option<&str>) -> Result<Value, YamlError> {
     if text.is_empty() && !quoted {
-        return Err("it has no value".to_owned());
+        return Err(YamlError::NoValue);
     }
     let text = c_string(text);
     Ok(if quoted || tag == Some(TEXT_TAG) { Value::String(text.to_owned()) } else { scalar::value(text) })

@@ -19,7 +19,7 @@ use std::rc::Rc;
 pub use yaml_events::Place;
 
 use super::{NodeName, Value, ValueKind, descriptor};
-use crate::error::ParamsError;
+use crate::error::{ParamsError, YamlError};
 
 /// The key under which a node's parameters stand.
 pub const PARAMETERS_KEY: &str = "ros__parameters";
@@ -99,7 +99,7 @@ struct Parameter {
 impl Overrides {
     /// Takes in a parameter file. Gives the keys of the nodes that it names.
     pub fn read(&mut self, path: &Path) -> Result<Vec<String>, ParamsError> {
-        let wrong = |why| ParamsError::File { path: PathBuf::from(path), why };
+        let wrong = |source| ParamsError::File { path: PathBuf::from(path), source };
         let text = text::read(path).map_err(wrong)?;
         let origin = Origin { file: Some(path.into()), place: None };
         let mut named = events::file(&text, origin, self).map_err(wrong)?;
@@ -110,15 +110,15 @@ impl Overrides {
 
     /// Takes in `[NODE:]NAME:=VALUE`.
     pub fn assign(&mut self, text: &str) -> Result<(), ParamsError> {
-        let wrong = |why: String| ParamsError::Assignment { text: text.to_owned(), why };
-        let (target, value) = text.split_once(":=").ok_or_else(|| wrong("it must read NAME:=VALUE".to_owned()))?;
+        let wrong = |source| ParamsError::Assignment { text: text.to_owned(), source };
+        let (target, value) = text.split_once(":=").ok_or_else(|| wrong(YamlError::NoAssignment))?;
         let (node, name) = match target.split_once(':') {
             Some((node, name)) => (Some(node), name),
             None => (None, target),
         };
-        names::check_argument(node, name).map_err(wrong)?;
+        names::check_argument(node, name).map_err(|why| wrong(why.into()))?;
         if value.is_empty() {
-            return Err(wrong("it has no value; for an empty text write ''".to_owned()));
+            return Err(wrong(YamlError::NothingAssigned));
         }
         text::check(value).map_err(wrong)?;
         let node = self.node(node.unwrap_or(EVERY_NODE));

@@ -1,11 +1,15 @@
 //! Names in parameter files and arguments: of nodes, with wildcards, and of groups within groups.
 
+use crate::error::NameError;
+
 /// The longest part of a namespace and the longest name of a node, in bytes, as rmw has them.
 const LONGEST_PART: usize = 244;
 const LONGEST_NODE: usize = 255;
 /// The longest name of a parameter or a node with all that it lies below, in bytes: far beyond what is of use, so that
 /// the names of a small file cannot fill the memory.
 const LONGEST: usize = 500;
+/// How many characters of a longer one a message shows.
+const SHOWN: usize = 40;
 
 /// Names that lie in each other, joined to one.
 #[derive(Debug)]
@@ -32,9 +36,9 @@ impl Nested {
     }
 
     /// Goes down into a name.
-    pub fn push(&mut self, name: &str) -> Result<(), String> {
+    pub fn push(&mut self, name: &str) -> Result<(), NameError> {
         if name.is_empty() {
-            return Err("a name is empty".to_owned());
+            return Err(NameError::Empty);
         }
         if self.parts > 0 && !self.joined.ends_with(self.separator) {
             self.joined.push(self.separator);
@@ -63,60 +67,59 @@ impl Nested {
 }
 
 /// Whether a joined name is short enough.
-pub fn length(name: &str) -> Result<(), String> {
+pub fn length(name: &str) -> Result<(), NameError> {
     if name.len() > LONGEST {
-        let start: String = name.chars().take(40).collect();
-        return Err(format!("the name '{start}...' has {} bytes, at most {LONGEST} are read", name.len()));
+        let start = name.chars().take(SHOWN).collect();
+        return Err(NameError::Long { start, len: name.len(), most: LONGEST });
     }
     Ok(())
 }
 
 /// Checks a key that stands for nodes: names with `*` for any one and `**` for any number of them.
-pub fn check_nodes(key: &str) -> Result<(), String> {
+pub fn check_nodes(key: &str) -> Result<(), NameError> {
     let (namespace, node) = key.rsplit_once('/').unwrap_or(("", key));
-    let wrong = |why: String| Err(format!("'{key}' stands for no nodes: {why}"));
+    let wrong = |why| NameError::Nodes { key: key.to_owned(), source: Box::new(why) };
     if !namespace.is_empty() {
         for part in namespace.strip_prefix('/').unwrap_or(namespace).split('/') {
-            if let Err(why) = check_part(part, LONGEST_PART) {
-                return wrong(why);
-            }
+            check_part(part, LONGEST_PART).map_err(wrong)?;
         }
     }
-    check_part(node, LONGEST_NODE).or_else(wrong)
+    check_part(node, LONGEST_NODE).map_err(wrong)
 }
 
-fn check_part(part: &str, longest: usize) -> Result<(), String> {
+fn check_part(part: &str, longest: usize) -> Result<(), NameError> {
     if part == "*" || part == "**" {
         return Ok(());
     }
+    let owned = || part.to_owned();
     let bad = part.chars().find(|c| !c.is_ascii_alphanumeric() && *c != '_');
     match (part.chars().next(), bad) {
-        (None, _) => Err("a name before, between or after its slashes is empty".to_owned()),
-        (_, Some('*')) => Err(format!("'*' stands for a whole name only, not for a part as in '{part}'")),
-        (_, Some(bad)) => Err(format!("'{part}' holds '{bad}', and names hold letters, digits and '_' only")),
-        (Some(first), _) if first.is_ascii_digit() => Err(format!("'{part}' begins with a digit")),
-        _ if part.len() > longest => Err(format!("'{part}' is longer than {longest} bytes")),
+        (None, _) => Err(NameError::EmptyPart),
+        (_, Some('*')) => Err(NameError::Wildcard { part: owned() }),
+        (_, Some(character)) => Err(NameError::Character { part: owned(), character }),
+        (Some(first), _) if first.is_ascii_digit() => Err(NameError::Digit { part: owned() }),
+        _ if part.len() > longest => Err(NameError::LongPart { part: owned(), most: longest }),
         _ => Ok(()),
     }
 }
 
 /// Checks the name in `[NODE:]NAME:=VALUE`, and the node where one is named.
-pub fn check_argument(node: Option<&str>, name: &str) -> Result<(), String> {
+pub fn check_argument(node: Option<&str>, name: &str) -> Result<(), NameError> {
     if let Some(node) = node {
         let own = node.starts_with("__") || node.contains(['/', '*']);
-        check_part(node, LONGEST_NODE).and(if own { Err("it must be a node's name".to_owned()) } else { Ok(()) })?;
+        check_part(node, LONGEST_NODE).and(if own { Err(NameError::Node) } else { Ok(()) })?;
     }
     for part in name.split('.') {
         if part.is_empty() {
-            return Err(format!("a name in '{name}' is empty"));
+            return Err(NameError::EmptyGroup { name: name.to_owned() });
         }
         for token in part.split('/').filter(|token| !token.is_empty()) {
             if token.starts_with("__") {
-                return Err(format!("'{token}' begins with two underscores"));
+                return Err(NameError::Underscores { part: token.to_owned() });
             }
             check_part(token, LONGEST)?;
             if token.starts_with('*') {
-                return Err("wildcards stand for no parameters".to_owned());
+                return Err(NameError::Parameters);
             }
         }
     }
@@ -142,7 +145,7 @@ mod tests {
             ("1a", "begins with a digit"),
             ("/1/a", "begins with a digit"),
         ] {
-            let got = check_nodes(key).unwrap_err();
+            let got = check_nodes(key).unwrap_err().to_string();
             assert!(got.contains(why), "{key}: {got}");
         }
     }

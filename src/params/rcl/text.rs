@@ -1,10 +1,11 @@
 //! The text of a parameter file: no more of it than is of use, and only characters that YAML allows.
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::Path;
 
 use super::Place;
+use crate::error::YamlError;
 
 /// The largest parameter file, in bytes.
 const LARGEST: u64 = 1 << 20;
@@ -12,29 +13,30 @@ const LARGEST: u64 = 1 << 20;
 const MOST_DIRECTIVES: usize = 100;
 
 /// Reads a file, which may be a pipe.
-pub fn read(path: &Path) -> Result<String, String> {
+pub fn read(path: &Path) -> Result<String, YamlError> {
     let mut bytes = Vec::new();
-    let file = File::open(path).map_err(|e| e.to_string())?;
-    file.take(LARGEST + 1).read_to_end(&mut bytes).map_err(|e| e.to_string())?;
+    let refused = |error: io::Error| YamlError::Unreadable { why: error.to_string() };
+    let file = File::open(path).map_err(refused)?;
+    file.take(LARGEST + 1).read_to_end(&mut bytes).map_err(refused)?;
     if bytes.len() as u64 > LARGEST {
-        return Err(format!("it has more than {LARGEST} bytes"));
+        return Err(YamlError::TooLarge { most: LARGEST });
     }
     let text = decode(bytes)?;
     check(&text)?;
     if text.lines().filter(|line| line.starts_with('%')).count() > MOST_DIRECTIVES {
-        return Err(format!("it has more than {MOST_DIRECTIVES} directives"));
+        return Err(YamlError::Directives { most: MOST_DIRECTIVES });
     }
     Ok(text)
 }
 
 /// UTF-8, or UTF-16 if its mark stands at the beginning.
-fn decode(bytes: Vec<u8>) -> Result<String, String> {
+fn decode(bytes: Vec<u8>) -> Result<String, YamlError> {
     let utf16 = |unit: fn([u8; 2]) -> u16| {
         let (pairs, rest) = bytes[2..].as_chunks::<2>();
         let units: Vec<u16> = pairs.iter().map(|pair| unit(*pair)).collect();
         match (String::from_utf16(&units), rest) {
             (Ok(text), []) => Ok(text),
-            _ => Err("it is no valid UTF-16".to_owned()),
+            _ => Err(YamlError::Utf16),
         }
     };
     match bytes.as_slice() {
@@ -45,27 +47,25 @@ fn decode(bytes: Vec<u8>) -> Result<String, String> {
     }
 }
 
-fn utf8(bytes: &[u8]) -> Result<String, String> {
+fn utf8(bytes: &[u8]) -> Result<String, YamlError> {
     match str::from_utf8(bytes) {
         Ok(text) => Ok(text.to_owned()),
         Err(error) => {
             let (valid, rest) = bytes.split_at(error.valid_up_to());
             let place = end(&String::from_utf8_lossy(valid));
             let byte = rest.first().copied().unwrap_or_default();
-            Err(format!("{place}: the byte {byte:#04x} is no UTF-8"))
+            Err(YamlError::Utf8 { place, byte })
         }
     }
 }
 
 /// Refuses the characters that YAML does not allow.
-pub fn check(text: &str) -> Result<(), String> {
+pub fn check(text: &str) -> Result<(), YamlError> {
     let in_ranges = |c| matches!(c, ' '..='~' | '\u{a0}'..='\u{fffd}' | '\u{10000}'..='\u{10ffff}');
     let allowed = |c| matches!(c, '\t' | '\n' | '\r' | '\u{85}') || in_ranges(c);
     match text.char_indices().find(|(_, c)| !allowed(*c)) {
         None => Ok(()),
-        Some((index, c)) => {
-            Err(format!("{}: the character U+{:04X} is not allowed", end(&text[..index]), u32::from(c)))
-        }
+        Some((index, character)) => Err(YamlError::Character { place: end(&text[..index]), character }),
     }
 }
 
@@ -82,7 +82,7 @@ mod tests {
 
     use super::*;
 
-    fn of(bytes: &[u8]) -> Result<String, String> {
+    fn of(bytes: &[u8]) -> Result<String, YamlError> {
         let mut file = tempfile::NamedTempFile::new().unwrap();
         file.write_all(bytes).unwrap();
         read(file.path())
@@ -109,15 +109,16 @@ mod tests {
             (b"\xff\xfea", "no valid UTF-16"),
             (b"\xff\xfe\x00\xd8", "no valid UTF-16"),
         ] {
-            let got = of(bytes).unwrap_err();
+            let got = of(bytes).unwrap_err().to_string();
             assert!(got.contains(why), "{got}");
         }
     }
 
     #[test]
     fn files_without_an_end_are_not_read_to_it() {
-        assert_eq!(read(Path::new("/dev/zero")).unwrap_err(), "it has more than 1048576 bytes");
+        let endless = read(Path::new("/dev/zero")).unwrap_err();
+        assert_eq!(endless.to_string(), "it has more than 1048576 bytes");
         assert!(of(&[b'#'; 1 << 20]).is_ok());
-        assert!(read(Path::new("/tmp")).unwrap_err().contains("directory"));
+        assert!(read(Path::new("/tmp")).unwrap_err().to_string().contains("directory"));
     }
 }
