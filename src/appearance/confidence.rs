@@ -143,7 +143,7 @@ impl Confidence {
         self.state
     }
 
-    /// Takes what a tracked target just got for what it usually gets from now on, or [`LEAST_REBASE`] of that: the
+    /// Takes what a tracked target just got for what it usually gets from now on, or `LEAST_REBASE` of that: the
     /// images have become of another kind.
     pub fn rebase(&mut self, response: f64) {
         if self.state == State::Tracking {
