@@ -51,6 +51,21 @@ pub struct DetectorSettings {
     pub proposals: usize,
 }
 
+impl DetectorSettings {
+    /// What LCMHT gives in its section 4.2, and what it leaves open as it is here by default.
+    pub const PAPER: Self = Self {
+        svm: SvmParams { c: 2.0, gamma: 1.0, max_support: 100 },
+        template_cells: 20,
+        positive_iou: 0.9,
+        negative_iou: 0.3,
+        positives: 2,
+        negatives_per_positive: 3,
+        learn_extent: 4.0,
+        scan_extent: 6.0,
+        proposals: 5,
+    };
+}
+
 /// The classifier, the template's shape, and scratch.
 pub struct Detector {
     settings: DetectorSettings,
@@ -261,17 +276,7 @@ mod tests {
     use super::*;
     use crate::frame::Encoding;
 
-    const SETTINGS: DetectorSettings = DetectorSettings {
-        svm: SvmParams { c: 2.0, gamma: 1.0, max_support: 100 },
-        template_cells: 20,
-        positive_iou: 0.9,
-        negative_iou: 0.3,
-        positives: 2,
-        negatives_per_positive: 3,
-        learn_extent: 4.0,
-        scan_extent: 6.0,
-        proposals: 5,
-    };
+    const SETTINGS: DetectorSettings = DetectorSettings::PAPER;
 
     /// Noise, with a striped red object of 20 x 40 at the given corner.
     fn scene(at: [usize; 2], seed: u64) -> Vec<u8> {

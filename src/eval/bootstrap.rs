@@ -65,7 +65,7 @@ pub fn p_value(differences: &[f64]) -> f64 {
 }
 
 /// The mean of at least one value.
-fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+pub(super) fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     let count = values.len() as f64;
     values.sum::<f64>() / count
 }

@@ -7,7 +7,7 @@
 
 use serde::Serialize;
 
-use super::bootstrap::{Interval, p_value};
+use super::bootstrap::{Interval, mean, p_value};
 use super::figures::Figures;
 use super::spread::Spreads;
 use super::table::{Row, Table};
@@ -162,11 +162,11 @@ impl Difference {
             let [own, others] = [row, other].map(|row| by_start(row, AUC));
             Some(match own.len() == others.len() {
                 true => own.iter().zip(&others).map(|(a, b)| a - b).collect(),
-                false => vec![mean(&own) - mean(&others)],
+                false => vec![mean(own.into_iter()) - mean(others.into_iter())],
             })
         });
         let differences: Vec<Vec<f64>> = pairs.collect();
-        let by_sequence: Vec<f64> = differences.iter().map(|starts| mean(starts)).collect();
+        let by_sequence: Vec<f64> = differences.iter().map(|starts| mean(starts.iter().copied())).collect();
         let interval = Interval::of(&differences)?;
         Some(Self { sequences: differences.len(), interval, p: p_value(&by_sequence) })
     }
@@ -185,10 +185,6 @@ fn choose<'a>(tables: &'a [Table], names: &[String]) -> Option<&'a Table> {
     let as_good =
         |table: &Table| std::ptr::eq(table, best) || Difference::new(best, table, names).is_some_and(|d| d.p >= CHANCE);
     scored.iter().map(|(table, _)| *table).find(|table| as_good(table))
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
 }
 
 #[cfg(test)]

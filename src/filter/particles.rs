@@ -148,6 +148,14 @@ mod tests {
         Bounds { low: Vector::from_element(-1e6), high: Vector::from_element(1e6) }
     }
 
+    /// Mean, variance and sum of the weights.
+    fn moments(particles: &[Particle<1>]) -> (f64, f64, f64) {
+        let sum: f64 = particles.iter().map(|p| p.weight).sum();
+        let mean = particles.iter().map(|p| p.weight * p.state[0]).sum::<f64>() / sum;
+        let variance = particles.iter().map(|p| p.weight * (p.state[0] - mean).powi(2)).sum::<f64>() / sum;
+        (mean, variance, sum)
+    }
+
     /// Prior N(0, 2^2), seen at 3 with N(x, 1): the posterior is N(2.4, 0.8), whatever leads the particles.
     #[test]
     fn guided_particles_keep_the_posterior_unbiased() {
@@ -165,13 +173,7 @@ mod tests {
             particles.propagate(&noise, &anywhere());
             particles.guide(&noise, &spread, &anywhere(), |x| Vector::from([lead(x[0])]));
             particles.weigh(|x| (-0.5 * (x[0] - 3.0).powi(2)).exp());
-            let half = |particles: &[Particle<1>]| {
-                let sum: f64 = particles.iter().map(|p| p.weight).sum();
-                let mean = particles.iter().map(|p| p.weight * p.state[0]).sum::<f64>() / sum;
-                let spread = particles.iter().map(|p| p.weight * (p.state[0] - mean).powi(2)).sum::<f64>() / sum;
-                (mean, spread, sum)
-            };
-            let (guided, all) = (half(&particles.drawn()[COUNT..]), half(particles.drawn()));
+            let (guided, all) = (moments(&particles.drawn()[COUNT..]), moments(particles.drawn()));
             for (mean, variance, _) in [guided, all] {
                 assert!((mean - 2.4).abs() < 0.04, "{name}: mean {mean}");
                 assert!((variance - 0.8).abs() < 0.05, "{name}: variance {variance}");
@@ -203,13 +205,7 @@ mod tests {
             particles.propagate(&noise, &bounds);
             particles.guide(&noise, &spread, &bounds, |x| Vector::from([lead(x[0])]));
             particles.weigh(|x| (-0.5 * (x[0] + 1.0).powi(2)).exp());
-            let half = |particles: &[Particle<1>]| {
-                let sum: f64 = particles.iter().map(|p| p.weight).sum();
-                let mean = particles.iter().map(|p| p.weight * p.state[0]).sum::<f64>() / sum;
-                let spread = particles.iter().map(|p| p.weight * (p.state[0] - mean).powi(2)).sum::<f64>() / sum;
-                (mean, spread, sum)
-            };
-            let (guided, all) = (half(&particles.drawn()[COUNT..]), half(particles.drawn()));
+            let (guided, all) = (moments(&particles.drawn()[COUNT..]), moments(particles.drawn()));
             for (mean, variance, _) in [guided, all] {
                 assert!((mean - want.0).abs() < 0.01, "{name}: mean {mean}, not {}", want.0);
                 assert!((variance - want.1).abs() < 0.01, "{name}: variance {variance}, not {}", want.1);

@@ -11,6 +11,7 @@
 //!
 //! | file | what it holds |
 //! |---|---|
+//! | `lcmht/target.rs` | one target, and Algorithm 1 |
 //! | `lcmht/settings.rs` | what the parameters make of the parts |
 //! | `lcmht/motion.rs` | the motion model and the GM-PHD filter (eqs 17 to 24) |
 //! | `lcmht/neighbours.rs` | what looks like the target, so that it is not taken for it |
@@ -21,6 +22,7 @@
 mod motion;
 mod neighbours;
 mod settings;
+mod target;
 #[cfg(test)]
 mod tests;
 mod turn;
@@ -28,26 +30,15 @@ mod turn;
 use std::sync::Arc;
 
 use super::made::Made;
-use super::targets::{self, Targets};
-use super::{NewId, Output, State, Target, Tracker};
-use crate::appearance::{Answer, Appearance};
+use super::targets::Targets;
+use super::{NewId, Output, State, Tracker};
 use crate::crop::Cropper;
-use crate::detect::online::Detector;
 use crate::frame::Frame;
-use crate::geometry::{Rect, distance};
+use crate::geometry::Rect;
 use crate::network::SharedCnn;
-use crate::params::{Group as _, LcmhtParams, Need, Params};
-use crate::trace::{Event, Proposal, Stage, Trace};
-use motion::TargetMotion;
-use neighbours::{LEAST_FIT, Neighbours};
-use turn::{Fit, Turn};
-
-/// Share of the usual response that a peak must have to be the target's where a neighbour needs a better one.
-const ALTERNATIVE: f64 = 0.25;
-/// Distance in target sizes from which on two expected places are looked at one by one.
-const OTHER_PLACE: f64 = 0.1;
-/// Margin above which a peak is taken for a neighbour.
-const ALIKE: f64 = 0.0;
+use crate::params::{LcmhtParams, Need, Params};
+use crate::trace::{Event, Stage, Trace};
+use target::LcmhtTarget;
 
 /// The tracker.
 pub struct Lcmht {
@@ -59,64 +50,6 @@ pub struct Lcmht {
     targets: Targets<LcmhtTarget>,
     /// What changed parameters had made anew since the last frame.
     made: Made,
-}
-
-/// A target and all that is known of it.
-struct LcmhtTarget {
-    id: Arc<str>,
-    params: LcmhtParams,
-    rect: Rect,
-    /// Whether the last frame had colour.
-    colour: bool,
-    appearance: Appearance,
-    motion: TargetMotion,
-    neighbours: Neighbours,
-    detector: Detector,
-    proposals: Vec<Proposal>,
-    response: f64,
-    /// The response as far as the detector lets it count.
-    judged: f64,
-    turn: Turn,
-    /// Whether nothing at all was to be seen where it was looked for in the last frame: then the box stays where it is.
-    blind: bool,
-    age: u32,
-    updates: u32,
-    lost_for: u32,
-    reacquired: bool,
-}
-
-/// Where a target is expected.
-#[derive(Clone, Copy)]
-struct Expected {
-    place: [f64; 2],
-    /// Frame periods since the frame before.
-    elapsed: f64,
-}
-
-/// What a frame tells of a target: it goes from stage to stage.
-struct Localised {
-    /// Where it was expected.
-    expected: Expected,
-    /// The filter's answer there: `(x_k, y_k)` and `max(r)` of Algorithm 1.
-    answer: Answer,
-    /// Where it is taken to be.
-    rect: Rect,
-    /// The response there.
-    response: f64,
-    /// The response as far as the detector lets it count.
-    judged: f64,
-    /// How sure it was in the frame before, and is now.
-    before: State,
-    state: State,
-    /// Whether it moved so little that its size can be told: what moves fast is blurred, which looks like another size.
-    steady: bool,
-}
-
-impl Localised {
-    /// Whether it was found again in this frame.
-    fn is_reacquired(&self) -> bool {
-        self.before == State::Lost && self.state == State::Tracking
-    }
 }
 
 impl Lcmht {
@@ -187,374 +120,10 @@ impl Tracker for Lcmht {
     }
 }
 
-impl targets::Followed for LcmhtTarget {
-    fn id(&self) -> &Arc<str> {
-        &self.id
-    }
-
-    fn report(&self) -> Target {
-        Target {
-            id: self.id.clone(),
-            rect: self.rect,
-            velocity: if self.blind { [0.0; 2] } else { self.motion.velocity() },
-            confidence: self.appearance.confidence.reported(self.judged) as f32,
-            response: self.response as f32,
-            state: self.appearance.state(),
-            reacquired: self.reacquired,
-            age: self.age,
-            lost_for: self.lost_for,
-        }
-    }
-}
-
-impl LcmhtTarget {
-    fn new(
-        id: Arc<str>,
-        params: &LcmhtParams,
-        cnn: Option<SharedCnn>,
-        seed: u64,
-        frame: &Frame,
-        cropper: &mut Cropper,
-        rect: Rect,
-    ) -> Self {
-        let (appearance, response) = Appearance::new(&settings::appearance(params), cnn, frame, cropper, &rect);
-        let detector = detector(params, seed, frame, cropper, &rect);
-        Self {
-            id,
-            rect,
-            colour: frame.encoding().is_colour(),
-            appearance,
-            motion: TargetMotion::new(&params.motion, &rect, frame.bounds().area()),
-            neighbours: Neighbours::new(&params.neighbours),
-            detector,
-            proposals: Vec::new(),
-            response,
-            judged: response,
-            turn: Turn::upright(),
-            blind: false,
-            age: 0,
-            updates: 0,
-            lost_for: 0,
-            reacquired: false,
-            params: params.clone(),
-        }
-    }
-
-    /// Follows the target into the next frame: Algorithm 1.
-    fn step(&mut self, frame: &Frame, cropper: &mut Cropper, dt: f64, trace: &mut dyn Trace) {
-        self.age = self.age.saturating_add(1);
-        trace.event(Event::Stage(Stage::Features));
-        let expected = self.look(frame, cropper, dt, trace);
-        trace.event(Event::Stage(Stage::Localise));
-        let mut localised = self.localise(expected, frame, cropper);
-        self.watch_neighbours(&localised, frame, cropper, trace);
-        self.measure(&localised);
-        if localised.state == State::Lost {
-            trace.event(Event::Stage(Stage::Redetect));
-            self.redetect(&mut localised, frame, cropper, trace);
-        }
-        self.settle(&localised, frame, cropper, trace);
-        trace.event(Event::Stage(Stage::Learn));
-        self.learn(&localised, frame, cropper);
-    }
-
-    /// Looks for the target where it is expected, in turned pictures as well if it answers poorly: features and
-    /// response map (eqs 5 and 6). Moves what is known of motion on to this frame.
-    fn look(&mut self, frame: &Frame, cropper: &mut Cropper, dt: f64, trace: &mut dyn Trace) -> Expected {
-        let expected = self.look_ahead(frame, cropper, dt);
-        self.motion.predict(expected.elapsed);
-        self.neighbours.predict(expected.elapsed);
-        trace.event(Event::Prediction(Rect::around(expected.place, self.rect.size())));
-        self.blind = self.appearance.correlator.is_blank();
-        self.look_turned(frame, cropper);
-        self.appearance.correlator.show(trace);
-        expected
-    }
-
-    /// Looks where the target is expected `dt` frames later. Stamps tell of a gap where frames were skipped, and
-    /// likewise where none was and the link stalled; so where that makes another place of it, the next frame's is
-    /// looked at as well, and the better answer says how many frames have passed. Not for a lost one: the more looks,
-    /// the more often something else is taken for it.
-    fn look_ahead(&mut self, frame: &Frame, cropper: &mut Cropper, dt: f64) -> Expected {
-        let Self { appearance: Appearance { correlator, confidence, .. }, motion, rect, turn, .. } = self;
-        let [later, next] = [dt, 1.0].map(|dt| frame.nearest(motion.expected(rect.centre(), dt)));
-        correlator.look(frame, cropper, later, rect.size(), turn.degrees());
-        if confidence.state() != State::Lost && distance(later, next) > OTHER_PLACE * rect.scale() {
-            let response = correlator.highest().response;
-            if correlator.look_around(frame, cropper, next, |other| other > response) {
-                return Expected { place: next, elapsed: 1.0 };
-            }
-        }
-        Expected { place: later, elapsed: dt }
-    }
-
-    /// Looks for a target that answers poorly in turned pictures as well, and stays with the first in which it is
-    /// certain and answers much better. Not for a lost one: the more looks, the more often something else is taken for
-    /// it.
-    fn look_turned(&mut self, frame: &Frame, cropper: &mut Cropper) {
-        let Self { params, appearance: Appearance { correlator, confidence, .. }, rect, turn, .. } = self;
-        let response = correlator.highest().response;
-        let fit = match confidence.is_certain(response) {
-            _ if !params.turn.enabled || confidence.state() == State::Lost => Fit::Good,
-            _ if rect.w.max(rect.h) > turn::MOST_ASPECT * rect.w.min(rect.h) => Fit::Good,
-            _ if confidence.quality(response) >= turn::POOR => Fit::Good,
-            true => Fit::Poor,
-            false => Fit::Uncertain,
-        };
-        let Some(others) = turn.others(fit) else {
-            return;
-        };
-        let much_better = |other| confidence.is_certain(other) && other >= turn::GAIN * response;
-        let chosen = others.into_iter().find(|&turn| correlator.look_turned(frame, cropper, turn, much_better));
-        turn.chose(chosen);
-    }
-
-    /// Finds the target in the response map (eq 7), and says how sure that is.
-    fn localise(&mut self, expected: Expected, frame: &Frame, cropper: &mut Cropper) -> Localised {
-        let answer = self.best(expected.place);
-        let colour = frame.encoding().is_colour();
-        if !self.blind && colour != std::mem::replace(&mut self.colour, colour) {
-            // Without colour the filter answers less to the same target.
-            self.appearance.confidence.rebase(answer.response);
-        }
-        let judged = answer.response * self.opinion(&answer, frame, cropper);
-        let before = self.appearance.state();
-        let state = self.appearance.confidence.assess(judged);
-        if state == State::Tracking {
-            self.turn.settle(self.appearance.correlator.turn());
-        }
-        let rect = if self.blind {
-            self.rect
-        } else {
-            Rect::around(self.place(&answer, expected.place, frame), self.rect.size())
-        };
-        let step = distance(self.rect.centre(), rect.centre());
-        let steady = step <= self.params.scale.max_step * rect.scale() * expected.elapsed;
-        Localised { expected, answer, rect, response: answer.response, judged, before, state, steady }
-    }
-
-    /// The best answer of the filter, unless a neighbour explains it and another one is left for the target: then that
-    /// which makes target and neighbours together most likely.
-    fn best(&mut self, expected: [f64; 2]) -> Answer {
-        let Self { appearance: Appearance { correlator, confidence, .. }, motion, neighbours, rect, .. } = self;
-        let favourite = correlator.best(|place| motion.prior(expected, place));
-        let (answers, unit) = (correlator.answers(), rect.scale());
-        let price = |answer: &Answer| neighbours.price(answer.centre, answers, unit);
-        let least = ALTERNATIVE * confidence.usual();
-        if price(&favourite) == 0.0 || !answers.iter().any(|a| a.response > least && price(a) == 0.0) {
-            return favourite;
-        }
-        let likelihood = |answer: &Answer| {
-            let own = motion.prior(expected, answer.centre) * motion.nearness(expected, answer.centre).max(LEAST_FIT);
-            (answer.response * own).ln() - price(answer)
-        };
-        let best = answers.iter().max_by(|a, b| likelihood(a).total_cmp(&likelihood(b)));
-        best.copied().unwrap_or(favourite)
-    }
-
-    /// How far the detector lets the filter's answer count, 0 to 1: a second opinion from other features, in every
-    /// frame. A margin below 0 takes `svm.opinion` of the response a unit.
-    fn opinion(&mut self, answer: &Answer, frame: &Frame, cropper: &mut Cropper) -> f64 {
-        if self.params.svm.opinion == 0.0 || !self.detector.is_trained() {
-            return 1.0;
-        }
-        let margin = self.detector.margin(frame, cropper, &Rect::around(answer.centre, self.rect.size()));
-        (1.0 + self.params.svm.opinion * margin).clamp(0.0, 1.0)
-    }
-
-    /// Where the target is taken to be: at the answer as far as the filter's response is believed, else where it was
-    /// expected. The detector's opinion decides whether the target is there at all, not where. Without the gate it is
-    /// at the answer, as in the paper.
-    fn place(&self, answer: &Answer, expected: [f64; 2], frame: &Frame) -> [f64; 2] {
-        let trust = match self.appearance.state() {
-            _ if !self.params.confidence.gate => 1.0,
-            State::Tracking => 1.0,
-            State::Uncertain => self.appearance.confidence.trust(answer.response),
-            State::Lost => 0.0,
-        };
-        let between = |i: usize| expected[i] + trust * (answer.centre[i] - expected[i]);
-        frame.nearest([between(0), between(1)])
-    }
-
-    /// Follows what looks like the target, the target itself being at the answer if that is certain. Then other peaks
-    /// that the detector takes for it as well become neighbours.
-    fn watch_neighbours(&mut self, found: &Localised, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) {
-        let Self { appearance: Appearance { correlator, confidence, .. }, neighbours, detector, rect, .. } = self;
-        let (answers, usual, unit) = (correlator.answers(), confidence.usual(), rect.scale());
-        let Answer { centre, response } = found.answer;
-        let certain = confidence.is_certain(response);
-        neighbours.follow(answers, certain.then_some(centre), usual, unit);
-        if certain {
-            for (i, other) in answers.iter().enumerate() {
-                if neighbours.is_new(i, other, centre, usual, unit)
-                    && detector.margin(frame, cropper, &Rect::around(other.centre, rect.size())) >= ALIKE
-                {
-                    neighbours.add(other.centre);
-                }
-            }
-        }
-        neighbours.show(rect.size(), trace);
-    }
-
-    /// Updates the GM-PHD filter by the estimated position, so that it knows the target's motion when that has to be
-    /// found again. Without the gate this is done in every frame, as in Algorithm 1; otherwise the position must be
-    /// believed first: see [`settle`](Self::settle).
-    fn measure(&mut self, found: &Localised) {
-        if self.params.confidence.gate {
-            return;
-        }
-        if self.blind {
-            self.motion.missed();
-        } else {
-            self.motion.saw(&found.rect, found.expected.place);
-        }
-    }
-
-    /// Takes up a lost target where the correlation filter and the detector agree that it is: where it was expected, or
-    /// where the detector proposes and the GM-PHD filter finds it most likely.
-    fn redetect(&mut self, found: &mut Localised, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) {
-        let again = self.again(found, frame, cropper).or_else(|| self.proposed(found, frame, cropper, trace));
-        if let Some(Answer { centre, response }) = again {
-            self.appearance.confidence.found();
-            found.state = self.appearance.state();
-            (found.response, found.judged) = (response, response);
-            found.rect = Rect::around(centre, self.rect.size());
-        }
-    }
-
-    /// The answer where the target was expected, if that is the target. Without the gate it stays in the image.
-    fn again(&mut self, found: &Localised, frame: &Frame, cropper: &mut Cropper) -> Option<Answer> {
-        let mut answer = found.answer;
-        if !self.params.confidence.gate {
-            answer.centre = found.rect.centre();
-        }
-        let is_it = self.appearance.confidence.is_certain(answer.response) && self.is_it(&answer, frame, cropper);
-        is_it.then_some(answer)
-    }
-
-    /// The detector's proposals, filtered by the GM-PHD filter; the heaviest component as the correlation filter sees
-    /// it, if that is the target. Without the gate the target is where that component is, as in Algorithm 1, otherwise
-    /// where the filter answers best around it.
-    fn proposed(
-        &mut self,
-        found: &Localised,
-        frame: &Frame,
-        cropper: &mut Cropper,
-        trace: &mut dyn Trace,
-    ) -> Option<Answer> {
-        self.detector.scan(frame, cropper, &found.rect, &mut self.proposals);
-        trace.event(Event::Proposals(&self.proposals));
-        let heaviest = self.motion.filter(self.proposals.iter().map(|p| p.rect))?;
-        let place = frame.nearest(heaviest.centre());
-        let correlator = &mut self.appearance.correlator;
-        correlator.look(frame, cropper, place, self.rect.size(), self.turn.degrees());
-        let mut answer = correlator.highest();
-        if !self.params.confidence.gate {
-            answer.centre = place;
-        }
-        let is_it = self.appearance.confidence.is_convincing(answer.response) && self.is_it(&answer, frame, cropper);
-        is_it.then_some(answer)
-    }
-
-    /// Whether the detector takes what is there for the target, and it is no neighbour.
-    fn is_it(&mut self, answer: &Answer, frame: &Frame, cropper: &mut Cropper) -> bool {
-        if self.neighbours.is_at(answer.centre, self.rect.scale()) {
-            return false;
-        }
-        let place = Rect::around(answer.centre, self.rect.size());
-        self.detector.margin(frame, cropper, &place) >= self.params.svm.least_margin
-    }
-
-    /// Takes over where the target is and how sure that is, estimates its size, and tells the motion model what has
-    /// become of it.
-    fn settle(&mut self, found: &Localised, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) {
-        let Localised { expected, rect, response, judged, steady, .. } = *found;
-        (self.rect, self.response, self.judged) = (rect, response, judged);
-        self.reacquired = found.is_reacquired();
-        self.lost_for = if found.state == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
-        if found.state == State::Tracking && !self.reacquired && steady && self.params.scale.enabled {
-            trace.event(Event::Stage(Stage::Scale));
-            self.rect = self.appearance.resized(frame, cropper, &self.rect);
-        }
-        match found.state {
-            // It has been told: see `measure`.
-            _ if !self.params.confidence.gate => {}
-            State::Tracking if self.reacquired => self.motion.restart(&self.rect),
-            State::Tracking => self.motion.saw(&self.rect, expected.place),
-            State::Uncertain | State::Lost => self.motion.missed(),
-        }
-    }
-
-    /// Updates filter, scale filter and detector with the target as it is in this frame; without the gate in every
-    /// frame, as in Algorithm 1. Then what the mark left to learn of the first frame: a little in each of the next.
-    fn learn(&mut self, found: &Localised, frame: &Frame, cropper: &mut Cropper) {
-        let gate = self.params.confidence.gate;
-        let is_good = found.state == State::Tracking && !self.reacquired;
-        if (is_good || !gate) && self.appearance.is_due(self.age) {
-            self.appearance.learn(frame, cropper, &self.rect);
-            self.updates += 1;
-            // The paper holds T_td against the response where the target was expected.
-            let response = if gate { found.response } else { found.answer.response };
-            if self.appearance.confidence.is_exemplary(response)
-                && self.updates.is_multiple_of(self.params.svm.interval as u32)
-            {
-                self.detector.learn(frame, cropper, &self.rect);
-            }
-        }
-        self.appearance.correlator.learn_look(cropper);
-    }
-
-    /// Takes over parameters, and says whether its motion filter begins anew. What filters are made of waits
-    /// until they can be made anew: see [`remake`](Self::remake).
-    fn retune(&mut self, params: &LcmhtParams, cnn: Option<&SharedCnn>) -> bool {
-        let moves_anew = self.motion.retune(&params.motion, &self.rect);
-        self.neighbours.retune(&params.neighbours);
-        self.detector.retune(settings::detector(&params.svm));
-        let mut taken = params.clone();
-        taken.keep(&self.params);
-        let fits = !params.differs(&taken, Need::Network);
-        self.appearance.retune(&settings::appearance(&taken), cnn.filter(|_| fits));
-        self.params = taken;
-        moves_anew
-    }
-
-    /// Makes anew what changed parameters ask for, from the target as it is in this frame, which is certain.
-    fn remake(
-        &mut self,
-        params: &LcmhtParams,
-        cnn: Option<SharedCnn>,
-        frame: &Frame,
-        cropper: &mut Cropper,
-        trace: &mut dyn Trace,
-    ) {
-        let made = std::mem::replace(&mut self.params, params.clone());
-        let anew = |need| params.differs(&made, need);
-        if anew(Need::Filters) || anew(Need::Network) {
-            let worth = self.appearance.remake(&settings::appearance(params), cnn, frame, cropper, &self.rect);
-            self.turn = Turn::upright();
-            (self.response, self.judged) = (self.response * worth, self.judged * worth);
-        }
-        if anew(Need::Scale) {
-            self.appearance.remake_scale(settings::scale(&params.scale).as_ref(), frame, cropper, &self.rect);
-        }
-        Need::ALL
-            .into_iter()
-            .filter(|&need| need.waits() && anew(need))
-            .for_each(|need| trace.event(Event::MadeAnew(need)));
-    }
-}
-
 /// Whether both are the same network, or none.
 fn is_same(a: &Option<SharedCnn>, b: &Option<SharedCnn>) -> bool {
     match (a, b) {
         (Some(a), Some(b)) => Arc::ptr_eq(a, b),
         (a, b) => a.is_none() && b.is_none(),
     }
-}
-
-/// A detector that has learned the target in `rect`.
-fn detector(params: &LcmhtParams, seed: u64, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> Detector {
-    let mut detector = Detector::new(settings::detector(&params.svm), rect, seed);
-    detector.learn(frame, cropper, rect);
-    detector
 }

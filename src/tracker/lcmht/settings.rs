@@ -5,24 +5,10 @@ use crate::appearance::{
     AppearanceSettings, COLOUR_COMPONENTS, ConfidenceSettings, FilterForm, FilterSettings, LookSettings,
     NetworkFilterSettings, ScaleSettings, SearchShape,
 };
-use crate::detect::online;
-use crate::learn::svm::SvmParams;
+use crate::detect::online::DetectorSettings;
 use crate::params::{
     FilterKind, HOG_COMPONENTS, LcmhtAugment, LcmhtCnn, LcmhtConfidence, LcmhtFilter, LcmhtLayers, LcmhtParams,
     LcmhtScale, LcmhtSvm, MEMORY, WindowShape,
-};
-
-/// The detector's settings: what the paper gives is as there (section 4.2). The scan's extent is a parameter.
-const DETECTOR: online::DetectorSettings = online::DetectorSettings {
-    svm: SvmParams { c: 2.0, gamma: 1.0, max_support: 100 },
-    template_cells: 20,
-    positive_iou: 0.9,
-    negative_iou: 0.3,
-    positives: 2,
-    negatives_per_positive: 3,
-    learn_extent: 4.0,
-    scan_extent: 6.0,
-    proposals: 5,
 };
 
 /// What the target's appearance is made of.
@@ -107,8 +93,8 @@ fn confidence(confidence: &LcmhtConfidence) -> ConfidenceSettings {
 }
 
 /// What the detector is made of.
-pub(super) fn detector(svm: &LcmhtSvm) -> online::DetectorSettings {
-    online::DetectorSettings { scan_extent: svm.scan_extent, ..DETECTOR }
+pub(super) fn detector(svm: &LcmhtSvm) -> DetectorSettings {
+    DetectorSettings { scan_extent: svm.scan_extent, ..DetectorSettings::PAPER }
 }
 
 #[cfg(test)]

@@ -10,12 +10,14 @@ use crate::dcf::fft::Fft2;
 use crate::dcf::kernelised::{KernelisedFilter, KernelisedSettings};
 use crate::dcf::sample::Sample;
 use crate::dcf::window::label;
+use crate::detect::online::Detector;
 use crate::filter::Vector;
 use crate::filter::gm_phd::{GmPhd, GmPhdSettings};
 use crate::filter::kalman::Gaussian;
 use crate::filter::mixture::{Component, ReductionSettings};
 use crate::filter::motion::{MotionModel, Noise};
 use crate::frame::Encoding;
+use crate::geometry::distance;
 use crate::params::{NodeName, Phase, Value, file};
 
 const WIDTH: usize = 320;
