@@ -128,7 +128,7 @@ fn network(c: &mut Criterion) {
     for (name, inference) in [("builtin", Inference::Builtin), ("onnxruntime", Inference::OnnxRuntime)] {
         for side in [128, 192, 224] {
             let mut request = Request::new(&Params::default().lcmht.cnn, u64::MAX);
-            (request.settings.side, request.inference) = (side, inference);
+            (request.settings.side, request.runner.inference) = (side, inference);
             let Ok(mut cnn) = request.load() else { continue };
             let mut cropper = Cropper::default();
             c.bench_function(&format!("network/{name}/{side}"), |b| {

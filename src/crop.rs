@@ -37,6 +37,11 @@ impl Patch {
         }
     }
 
+    /// A square of one intensity.
+    pub(crate) fn grey(side: usize, intensity: u8) -> Self {
+        Self { width: side, height: side, planes: vec![vec![intensity; side * side]] }
+    }
+
     /// The planes, to be filled.
     pub(crate) fn planes_mut(&mut self) -> &mut [Vec<u8>] {
         &mut self.planes
@@ -107,7 +112,11 @@ impl Axis {
     /// least `blur` input pixels to either side. Taps beyond the input fall on its outermost pixels.
     fn plan(&mut self, origin: f64, length: f64, count: usize, limit: usize, blur: f64) {
         let scale = length / count as f64;
-        let radius = scale.max(1.0).max(blur);
+        self.plan_within(scale.max(1.0).max(blur), origin, scale, count, limit);
+    }
+
+    /// Likewise, each output pixel a mean over `radius` input pixels to either side, `scale` of them from the next.
+    fn plan_within(&mut self, radius: f64, origin: f64, scale: f64, count: usize, limit: usize) {
         let last = limit as i64 - 1;
         let reach = (2.0 * radius).ceil() as i64;
         self.taps = (reach as usize).min(limit);
@@ -209,6 +218,47 @@ impl Cropper {
         self.plan(frame, window, width, height);
         self.resample(frame, Plane::Luma, &mut patch.planes[0]);
         self.finish(window, patch);
+    }
+
+    /// Fills `patch`, `side x side`, with what `window` shows as networks for matching are trained on it: interpolated
+    /// linearly also where it is shrunk, and of the colour `outside` beyond the image.
+    pub fn crop_for_matching(
+        &mut self,
+        frame: &Frame,
+        window: &Rect,
+        side: usize,
+        outside: [u8; 3],
+        patch: &mut Patch,
+    ) {
+        let planes = if frame.encoding().is_colour() { 3 } else { 1 };
+        patch.resize(side, side, planes);
+        let [columns, rows] = frame.grid();
+        let across = f64::from(columns) / f64::from(frame.width());
+        let down = f64::from(rows) / f64::from(frame.height());
+        let n = side as f64;
+        self.columns.plan_within(1.0, window.x * across, window.w * across / n, side, columns as usize);
+        self.rows.plan_within(1.0, window.y * down, window.h * down / n, side, rows as usize);
+        for (out, plane) in patch.planes.iter_mut().zip(Plane::COLOURS) {
+            self.resample(frame, plane, out);
+        }
+        let inside = |low: f64, length: f64, limit: u32| {
+            // Pixels of the patch whose centres lie in the image.
+            let first = ((-low / length * n - 0.5).ceil().max(0.0) as usize).min(side);
+            let end = (((f64::from(limit) - low) / length * n - 0.5).ceil().max(0.0) as usize).min(side);
+            first..end
+        };
+        let (inner_columns, inner_rows) =
+            (inside(window.x, window.w, frame.width()), inside(window.y, window.h, frame.height()));
+        for (plane, outside) in patch.planes.iter_mut().zip(outside) {
+            for (y, row) in plane.chunks_exact_mut(side).enumerate() {
+                if inner_rows.contains(&y) && !inner_columns.is_empty() {
+                    row[..inner_columns.start].fill(outside);
+                    row[inner_columns.end..].fill(outside);
+                } else {
+                    row.fill(outside);
+                }
+            }
+        }
     }
 
     /// What `work` crops is altered.

@@ -140,6 +140,12 @@ pub enum NetworkError {
     /// It computes no numbers.
     #[error("network {file} gives values that are not finite at output '{name}', expected weights without NaN")]
     NotFinite { file: String, name: String },
+    /// A file is needed and not named.
+    #[error("lcmht.matching.enabled needs the file of a network, got none in {parameter}: see docs/matching.md")]
+    Unnamed { parameter: String },
+    /// It is no backbone or head of a pair that finds a template in a window.
+    #[error("network {file} cannot be used for matching: {why}")]
+    Matching { file: String, why: String },
     /// ONNX Runtime was asked for and is not to be had.
     #[error("ONNX Runtime cannot be used: {why}")]
     Runtime { why: String },

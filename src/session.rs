@@ -16,7 +16,7 @@ use crate::error::StartError;
 use crate::features::contrast::{LEAST_CONTRAST, contrast};
 use crate::frame::Frame;
 use crate::geometry::Rect;
-use crate::network::{SharedCnn, locked};
+use crate::network::Networks;
 use crate::params::Params;
 use crate::trace::Trace;
 use crate::tracker::{self, Output, Tracker};
@@ -26,7 +26,7 @@ use zoom::{Zoom, factors, stretched};
 /// A tracker with the targets it was given and the rhythm of its frames.
 pub struct Session {
     params: Params,
-    network: Option<SharedCnn>,
+    networks: Networks,
     tracker: Box<dyn Tracker>,
     /// Of the targets that are followed, in the order of their starts; when the last has been stopped, of those that
     /// were stopped with it.
@@ -53,12 +53,12 @@ struct Mark {
 }
 
 impl Session {
-    /// A session that waits for a mark or, where the tracker finds targets by itself, for frames. `network` is what the
-    /// parameters ask for, loaded (see [`loader`](crate::loader)); without it, the layers of a network are left out.
-    pub fn with_network(params: Params, network: Option<SharedCnn>) -> Self {
+    /// A session that waits for a mark or, where the tracker finds targets by itself, for frames. `networks` are
+    /// what the parameters ask for, loaded (see [`loader`](crate::loader)); without one, what it gives is left out.
+    pub fn with_networks(params: Params, networks: Networks) -> Self {
         Self {
-            tracker: tracker::build(&params, network.clone()),
-            network,
+            tracker: tracker::build(&params, networks.clone()),
+            networks,
             params,
             marks: Vec::new(),
             stopped: false,
@@ -75,16 +75,15 @@ impl Session {
         &self.params
     }
 
-    /// The network that the parameters in force ask for, as it was handed in.
-    pub fn network(&self) -> Option<SharedCnn> {
-        self.network.clone()
+    /// The networks that the parameters in force ask for, as they were handed in.
+    pub fn networks(&self) -> Networks {
+        self.networks.clone()
     }
 
-    /// Why the last run of the network failed, if it did: nothing answers to what such a run leaves, so that targets
+    /// Why the last run of a network failed, if it did: nothing answers to what such a run leaves, so that targets
     /// may be lost by it.
     pub fn network_failure(&self) -> Option<String> {
-        let network = locked(self.network.as_ref()?);
-        network.failure().map(|why| format!("network {}: {why}", network.name()))
+        self.networks.failure()
     }
 
     /// Whether frames are tracked: a target is being followed, or targets are being looked for.
@@ -181,12 +180,12 @@ impl Session {
         is_known
     }
 
-    /// Takes over changed parameters from the next frame on, with the network that they ask for: that of
-    /// [`network`](Self::network) if they ask for no other. What is fixed stays as it was. Targets beyond a smaller
+    /// Takes over changed parameters from the next frame on, with the networks that they ask for: those of
+    /// [`networks`](Self::networks) if they ask for no others. What is fixed stays as it was. Targets beyond a smaller
     /// `max_targets` are kept.
-    pub fn retune(&mut self, params: Params, network: Option<SharedCnn>) {
-        self.tracker.retune(&params, network.clone());
-        (self.params, self.network) = (params, network);
+    pub fn retune(&mut self, params: Params, networks: Networks) {
+        self.tracker.retune(&params, networks.clone());
+        (self.params, self.networks) = (params, networks);
     }
 
     /// Follows the targets into the next frame. Without a target the output is empty and nothing is computed, unless

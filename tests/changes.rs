@@ -1,11 +1,15 @@
 //! What becomes of each parameter's change while targets are followed is what its row in the table says.
 
+#[path = "network/message.rs"]
+mod message;
 #[path = "network/onnx.rs"]
 mod onnx;
+#[path = "network/siamese.rs"]
+mod siamese;
 
 use std::io::Write as _;
 
-use long_term_tracker::loader::{Loaded, Request};
+use long_term_tracker::loader::{Loaded, MatchingRequest, Request};
 use long_term_tracker::params::{Descriptor, Need, Phase, Value, descriptors};
 use long_term_tracker::trace::{Event, Trace};
 use long_term_tracker::{Encoding, Frame, Output, Params, ParamsError, Rect, Session, State};
@@ -94,9 +98,10 @@ fn follow(from: &Params, to: Option<Params>) -> ([Vec<Need>; 2], Vec<Output>) {
             session.step(&frame, &mut ());
         } else if n == BEFORE {
             if let Some(to) = &to {
-                let is_other = Request::of(to) != Request::of(from);
-                let network = if is_other { Loaded::new(to).unwrap().network() } else { session.network() };
-                session.retune(to.clone(), network);
+                let is_other =
+                    Request::of(to) != Request::of(from) || MatchingRequest::of(to) != MatchingRequest::of(from);
+                let networks = if is_other { Loaded::new(to).unwrap().networks() } else { session.networks() };
+                session.retune(to.clone(), networks);
                 assert_eq!(session.params(), to);
             }
             said.push(session.step(&frame, &mut at_once).clone());
@@ -138,7 +143,7 @@ fn text(value: &str) -> Value {
 #[test]
 fn what_becomes_of_a_change_is_what_the_table_says() {
     let params = params(&[("lcmht.cnn.enabled", Value::Bool(false))]);
-    let elsewhere = ["lcmht.cnn.", "etepf.", "maptrack."];
+    let elsewhere = ["lcmht.cnn.", "lcmht.matching.", "etepf.", "maptrack."];
     walk(&params, |name| !elsewhere.iter().any(|prefix| name.starts_with(prefix)));
 }
 
@@ -160,6 +165,22 @@ fn what_becomes_of_a_change_of_the_network_is_what_the_table_says() {
         ("lcmht.cnn.inference", text("builtin")),
     ]);
     walk(&params, |name| name.starts_with("lcmht.cnn."));
+}
+
+#[test]
+fn what_becomes_of_a_change_of_the_matching_networks_is_what_the_table_says() {
+    let [backbone, head] = siamese::files();
+    let file = |file: &tempfile::NamedTempFile| text(file.path().to_str().unwrap());
+    for enabled in [true, false] {
+        let params = params(&[
+            ("lcmht.cnn.enabled", Value::Bool(false)),
+            ("lcmht.cnn.inference", text("builtin")),
+            ("lcmht.matching.enabled", Value::Bool(enabled)),
+            ("lcmht.matching.backbone", file(&backbone)),
+            ("lcmht.matching.head", file(&head)),
+        ]);
+        walk(&params, |name| name.starts_with("lcmht.matching.") && (enabled || name.ends_with("enabled")));
+    }
 }
 
 #[test]

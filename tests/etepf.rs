@@ -1,5 +1,6 @@
 //! ETEPF in a session, on scenes made here: what a user of the node meets.
 
+use long_term_tracker::network::Networks;
 use long_term_tracker::params::{Phase, Range, Value, descriptors};
 use long_term_tracker::trace::{Event, Trace};
 use long_term_tracker::{Encoding, Frame, Output, Params, ParamsError, Rect, Session, State, Target};
@@ -253,7 +254,7 @@ fn a_target_is_held_while_parameters_change() {
     for n in 1..50 {
         if let Some((name, value)) = changes.get(n / 4).filter(|_| n % 4 == 0) {
             let changed = session.params().with([(*name, value)], Phase::Running).unwrap();
-            session.retune(changed, None);
+            session.retune(changed, Networks::default());
         }
         let said = step(&mut session, &rgb(&scene(n)));
         assert!(said.rect.iou(&target(n)) > 0.4, "frame {n}: {}", said.rect);
@@ -269,7 +270,7 @@ fn another_number_of_classifiers_takes_effect_at_once() {
     let mut peak = |n: usize, classifiers: i64| {
         let wanted = Value::Integer(classifiers);
         let changed = session.params().with([("etepf.ensemble.classifiers", &wanted)], Phase::Running).unwrap();
-        session.retune(changed, None);
+        session.retune(changed, Networks::default());
         let mut seen = Seen::default();
         session.step(&rgb(&scene(n)), &mut seen);
         seen.peak
@@ -310,7 +311,7 @@ fn what_is_learned_anew_is_measured_by_itself() {
     let before = (10..15).map(|n| step(&mut session, &rgb(&faded(n)))).last().unwrap();
     assert!(before.state == State::Tracking && before.confidence < 0.85, "{before:?}");
     let finer = session.params().with([("etepf.features.pixels", &Value::Integer(2000))], Phase::Running);
-    session.retune(finer.unwrap(), None);
+    session.retune(finer.unwrap(), Networks::default());
     let after = (15..20).map(|n| step(&mut session, &rgb(&faded(n)))).last().unwrap();
     assert!(after.confidence > before.confidence + 0.1 && after.rect.iou(&target(19)) > 0.5, "{after:?}");
 }
@@ -340,7 +341,7 @@ fn no_value_that_a_parameter_may_have_breaks_a_track() {
         session.start(&rgb(&scenes[0]), target(0), &mut ()).unwrap();
         for n in 1..scenes.len() {
             match n {
-                3 => session.retune(changed.clone(), None),
+                3 => session.retune(changed.clone(), Networks::default()),
                 8 => _ = session.start(&rgb(&scenes[7]), target(7), &mut ()).unwrap(),
                 _ => (),
             }

@@ -2,6 +2,7 @@
 
 use long_term_tracker::crop::{Cropper, Patch};
 use long_term_tracker::detect::camera::{CameraMotion, warp};
+use long_term_tracker::network::Networks;
 use long_term_tracker::params::{Phase, Value};
 use long_term_tracker::trace::{Event, Trace};
 use long_term_tracker::{Encoding, Frame, Params, Rect, Session, State};
@@ -259,7 +260,7 @@ fn every_parameter_may_change_while_targets_are_followed() {
         let frame = picture(n, &[(way(n), RED)]);
         if let Some((name, value)) = changes.get(n / 8).filter(|_| n % 8 == 7) {
             let changed = session.params().with([(*name, value)], Phase::Running).unwrap();
-            session.retune(changed, None);
+            session.retune(changed, Networks::default());
         }
         session.step(&rgb(&frame), &mut ());
         assert!(session.output().targets.iter().all(|t| t.rect.is_finite() && (0.0..=1.0).contains(&t.confidence)));

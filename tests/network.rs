@@ -1,5 +1,7 @@
 //! Networks from files: what they compute, and what is said of those that cannot be used.
 
+#[path = "network/message.rs"]
+mod message;
 #[path = "network/onnx.rs"]
 mod onnx;
 
@@ -9,7 +11,7 @@ use std::sync::Arc;
 
 use long_term_tracker::crop::Cropper;
 use long_term_tracker::features::FeatureMap;
-use long_term_tracker::loader::{Loaded, Request};
+use long_term_tracker::loader::{Loaded, Request, Runner};
 use long_term_tracker::network::NetworkSettings;
 use long_term_tracker::params::{Inference, Phase, Value};
 use long_term_tracker::{Encoding, Frame, NetworkError, Params, Rect, Session};
@@ -47,8 +49,7 @@ fn request(file: Option<&Path>, outputs: &[&str]) -> Request {
     Request {
         file: file.map(Path::to_owned),
         most: u64::MAX,
-        inference: Inference::Builtin,
-        library: None,
+        runner: Runner { inference: Inference::Builtin, library: None },
         settings: NetworkSettings {
             side: SIDE,
             mean: [127.0, 100.0, 90.0],
@@ -244,7 +245,7 @@ fn the_network_can_be_switched_while_a_target_is_followed() {
         with(true, path.to_str().unwrap(), ["near", "far"]),
         with(false, "", ["block4", "block10"]),
     ] {
-        let network = Loaded::new(&change).unwrap().network();
+        let network = Loaded::new(&change).unwrap().networks();
         session.retune(change, network);
         for _ in 0..2 {
             assert!(session.step(&frame, &mut ()).targets[0].rect.iou(&rect) > 0.8);
@@ -295,8 +296,8 @@ fn a_network_that_was_loaded_beside_is_taken_over_without_loading_it_again() {
     session.start(&frame, rect, &mut ()).unwrap();
     let loaded = std::thread::scope(|scope| scope.spawn(|| Loaded::new(&then)).join().unwrap()).unwrap();
     std::fs::remove_file(&path).unwrap();
-    session.retune(then, loaded.network());
-    assert!(Arc::ptr_eq(&session.network().unwrap(), &loaded.network().unwrap()));
+    session.retune(then, loaded.networks());
+    assert!(Arc::ptr_eq(&session.networks().cnn.unwrap(), &loaded.networks().cnn.unwrap()));
     for _ in 0..3 {
         assert!(session.step(&frame, &mut ()).targets[0].rect.iou(&rect) > 0.8);
     }

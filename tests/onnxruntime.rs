@@ -3,6 +3,8 @@
 
 #![cfg(feature = "onnxruntime")]
 
+#[path = "network/message.rs"]
+mod message;
 #[path = "network/onnx.rs"]
 mod onnx;
 #[path = "network/python.rs"]
@@ -13,7 +15,7 @@ use std::sync::LazyLock;
 
 use long_term_tracker::crop::Cropper;
 use long_term_tracker::features::FeatureMap;
-use long_term_tracker::loader::Request;
+use long_term_tracker::loader::{Request, Runner};
 use long_term_tracker::network::NetworkSettings;
 use long_term_tracker::params::{Inference, NodeName, Phase, Value, file};
 use long_term_tracker::{Encoding, Frame, Params, Rect, Session};
@@ -36,8 +38,7 @@ fn request(file: Option<&Path>, side: usize, outputs: &[&str], inference: Infere
     Request {
         file: file.map(Path::to_owned),
         most: u64::MAX,
-        inference,
-        library: Some(LIBRARY.clone()),
+        runner: Runner { inference, library: Some(LIBRARY.clone()) },
         settings: NetworkSettings {
             side,
             mean: [127.0; 3],
@@ -121,14 +122,16 @@ fn both_refuse_the_same_networks() {
 fn a_library_that_is_named_and_is_none_is_an_error() {
     let library = Some(PathBuf::from("/no/such/libonnxruntime.so"));
     for inference in [Inference::Auto, Inference::OnnxRuntime] {
-        let request = Request { library: library.clone(), ..request(None, 64, &["block4"], inference) };
+        let runner = Runner { inference, library: library.clone() };
+        let request = Request { runner, ..request(None, 64, &["block4"], inference) };
         let said = request.load().expect_err("a refusal").to_string();
         assert!(
             said.starts_with("ONNX Runtime cannot be used") && said.contains("/no/such/libonnxruntime.so"),
             "{said}"
         );
     }
-    let unasked = Request { library, ..request(None, 64, &["block4"], Inference::Builtin) };
+    let runner = Runner { inference: Inference::Builtin, library };
+    let unasked = Request { runner, ..request(None, 64, &["block4"], Inference::Builtin) };
     assert!(unasked.load().is_ok());
 }
 

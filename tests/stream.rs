@@ -75,7 +75,7 @@ impl Trace for Window {
 
 fn set(session: &mut Session, name: &str, value: Value) {
     let changed = session.params().with([(name, &value)], Phase::Running).unwrap();
-    session.retune(changed, session.network());
+    session.retune(changed, session.networks());
 }
 
 #[test]

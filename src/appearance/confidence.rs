@@ -83,7 +83,17 @@ impl Confidence {
             return quality;
         }
         let probability = 1.0 / (1.0 + (-(ODDS_SLOPE * quality + ODDS_AT_ZERO)).exp());
+        self.discounted(probability)
+    }
+
+    /// What remains of a probability where the target is lost.
+    pub fn discounted(&self, probability: f64) -> f64 {
         if self.state == State::Lost { LOST_SHARE * probability } else { probability }
+    }
+
+    /// The response of a quality.
+    pub fn response_of(&self, quality: f64) -> f64 {
+        if self.settings.relative { quality * self.reference } else { quality }
     }
 
     /// Whether a response shows the target (at least T_ad).
@@ -113,11 +123,17 @@ impl Confidence {
     /// Takes in the response of a frame in which the target was looked for where it was expected. A lost target stays
     /// lost until [`found`](Self::found) says otherwise.
     pub fn assess(&mut self, response: f64) -> State {
-        let quality = self.quality(response);
+        self.assess_as(response, response)
+    }
+
+    /// Likewise, where more is known than the response: the state follows from what is as sure as the response `judged`,
+    /// what the target usually gets from `response`.
+    pub fn assess_as(&mut self, judged: f64, response: f64) -> State {
+        let quality = self.quality(judged);
         if self.state == State::Lost {
             return State::Lost;
         }
-        if self.is_certain(response) {
+        if self.is_certain(judged) {
             self.found();
         } else {
             self.uncertain += 1;

@@ -43,6 +43,7 @@ pub struct Correlator {
     shown: Vec<f32>,
     /// Room to turn what is shown.
     spare: Vec<f32>,
+    raw: Vec<f32>,
 }
 
 /// A look through the search window.
@@ -63,8 +64,10 @@ struct SearchView {
 pub struct Answer {
     /// Centre of a target there, in pixels.
     pub centre: [f64; 2],
-    /// The response.
+    /// The response of the filters.
     pub response: f64,
+    /// The response that places are chosen by: with the layer that was added, if one was.
+    pub fused: f64,
 }
 
 impl Correlator {
@@ -102,6 +105,7 @@ impl Correlator {
             cut: Cut::default(),
             shown: Vec::with_capacity(rows * cols),
             spare: Vec::with_capacity(rows * cols),
+            raw: Vec::new(),
         };
         correlator.view.window = window;
         correlator.extractor.transform(&mut correlator.fft, &mut correlator.view.sample);
@@ -173,6 +177,60 @@ impl Correlator {
         better
     }
 
+    /// The middle of the window of the last look.
+    pub fn middle(&self) -> [f64; 2] {
+        self.view.window.centre()
+    }
+
+    /// Width and height of the window of the last look, in pixels.
+    pub fn window_size(&self) -> [f64; 2] {
+        self.view.window.size()
+    }
+
+    /// Makes a map of places part of the response, `share` of it: each place answers by its value, less the farther away
+    /// from it, like a Gaussian of width `sigma` pixels; the best answer counts.
+    pub fn add_layer(&mut self, share: f64, sigma: f64, places: impl Iterator<Item = ([f64; 2], f64)>) {
+        let Self { view: SearchView { window, turn, response, .. }, rows, cols, spare, raw, .. } = self;
+        let (rows, cols) = (*rows, *cols);
+        spare.clear();
+        spare.resize(rows * cols, 0.0);
+        let cell = [window.w / cols as f64, window.h / rows as f64];
+        let [x, y] = window.centre();
+        for ([px, py], value) in places {
+            let [dx, dy] = turned([px - x, py - y], turn.to_radians());
+            let at = [dx / cell[0], dy / cell[1]];
+            let reach = cell.map(|side| (3.0 * sigma / side).ceil() as i64);
+            let (middle, half) = ([at[0].round() as i64, at[1].round() as i64], [cols as i64 / 2, rows as i64 / 2]);
+            for r in (middle[1] - reach[1]).max(-half[1])..=(middle[1] + reach[1]).min(half[1] - 1) {
+                for c in (middle[0] - reach[0]).max(-half[0])..=(middle[0] + reach[0]).min(half[0] - 1) {
+                    let d = [(c as f64 - at[0]) * cell[0], (r as f64 - at[1]) * cell[1]];
+                    let here = value * (-0.5 * (d[0] * d[0] + d[1] * d[1]) / (sigma * sigma)).exp();
+                    let i = r.rem_euclid(rows as i64) as usize * cols + c.rem_euclid(cols as i64) as usize;
+                    spare[i] = spare[i].max(here as f32);
+                }
+            }
+        }
+        raw.clone_from(response);
+        let share = share as f32;
+        response.iter_mut().zip(spare.iter()).for_each(|(r, layer)| *r += share * (layer - *r));
+    }
+
+    /// The response without the layer that was added, at a place.
+    pub fn raw_at(&self, place: [f64; 2]) -> f64 {
+        let SearchView { window, turn, .. } = &self.view;
+        let [x, y] = window.centre();
+        let [dx, dy] = turned([place[0] - x, place[1] - y], turn.to_radians());
+        let at = [dx * self.cols as f64 / window.w, dy * self.rows as f64 / window.h].map(|v| v.round() as i64);
+        let mut best = 0.0f32;
+        for r in at[1] - 1..=at[1] + 1 {
+            for c in at[0] - 1..=at[0] + 1 {
+                let i = r.rem_euclid(self.rows as i64) as usize * self.cols + c.rem_euclid(self.cols as i64) as usize;
+                best = best.max(self.raw.get(i).copied().unwrap_or_default());
+            }
+        }
+        f64::from(best)
+    }
+
     /// Whether the last look showed nothing that could be followed. No response is above 0 then.
     pub fn is_blank(&self) -> bool {
         self.view.blank
@@ -191,10 +249,10 @@ impl Correlator {
         for i in 0..self.peaks.len() {
             self.answers.push(self.answer(&self.peaks[i]));
         }
-        let ranked = self.answers.iter().map(|&answer| (answer.response * prior(answer.centre), answer));
+        let ranked = self.answers.iter().map(|&answer| (answer.fused * prior(answer.centre), answer));
         ranked
             .max_by(|a, b| a.0.total_cmp(&b.0))
-            .map_or(Answer { centre: self.view.window.centre(), response: 0.0 }, |(_, answer)| answer)
+            .map_or(Answer { centre: self.view.window.centre(), response: 0.0, fused: 0.0 }, |(_, answer)| answer)
     }
 
     /// The local maxima that [`best`](Self::best) last chose from, highest first.
@@ -212,7 +270,10 @@ impl Correlator {
         let [x, y] = window.centre();
         let cell = [window.w / self.cols as f64, window.h / self.rows as f64];
         let [dx, dy] = turned([peak.displacement[0] * cell[0], peak.displacement[1] * cell[1]], -turn.to_radians());
-        Answer { centre: [x + dx, y + dy], response: f64::from(peak.value) }
+        let centre = [x + dx, y + dy];
+        let fused = f64::from(peak.value);
+        let response = if self.raw.is_empty() { fused } else { self.raw_at(centre) };
+        Answer { centre, response, fused }
     }
 
     /// Learns the target at `centre` (eqs 4 and 8). By default the sample of the last look is shifted there, if that
@@ -259,6 +320,7 @@ impl Correlator {
     }
 
     fn respond(&mut self) {
+        self.raw.clear();
         let SearchView { blank, sample, response, .. } = &mut self.view;
         if *blank {
             response.fill(0.0);
@@ -322,171 +384,4 @@ fn grid(settings: &FilterSettings, window: &Rect) -> (usize, usize) {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::sync::Mutex;
-
-    use super::super::filters::{FIRST_STEPS, LOOK_STEPS};
-    use super::super::settings::{LookSettings, NetworkFilterSettings};
-    use super::*;
-    use crate::frame::Encoding;
-    use crate::geometry::distance;
-    use crate::loader::Request;
-    use crate::network::locked;
-    use crate::params::Params;
-
-    const WIDTH: usize = 200;
-    const HEIGHT: usize = 160;
-    const TARGET: Rect = Rect::new(80.0, 50.0, 30.0, 50.0);
-
-    /// Texture, each pixel of it a mean over so many across.
-    fn scene(blur: usize) -> Vec<u8> {
-        let texture = |x: usize, y: usize| (x / 5 * 7919 + y / 4 * 104_729 + x / 5 * (y / 4) * 31) % 251;
-        let mean = |x: usize, y: usize| (0..blur).map(|i| texture(x + i, y)).sum::<usize>() / blur;
-        (0..WIDTH * HEIGHT).map(|i| mean(i % WIDTH, i / WIDTH) as u8).collect()
-    }
-
-    /// The highest response to a scene that is blurred or not, relative to that of the first frame.
-    fn answer(looks: Option<LookSettings>, blur: usize) -> f64 {
-        let settings = AppearanceSettings { looks, ..AppearanceSettings::default() };
-        let [first, then] = [scene(1), scene(blur)];
-        let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
-        let mut cropper = Cropper::default();
-        let [first, then] = [frame(&first), frame(&then)];
-        let (mut correlator, trained) = Correlator::new(&settings, None, &first, &mut cropper, &TARGET);
-        let highest = |correlator: &mut Correlator, frame: &Frame| {
-            correlator.look(frame, &mut Cropper::default(), TARGET.centre(), TARGET.size(), 0.0);
-            correlator.highest().response
-        };
-        assert!((highest(&mut correlator, &first) - trained).abs() < 1e-6);
-        learn_looks(&mut correlator, &mut cropper);
-        highest(&mut correlator, &then) / highest(&mut correlator, &first)
-    }
-
-    #[test]
-    fn a_filter_that_learned_altered_looks_answers_better_to_a_blurred_target() {
-        let [without, with] = [answer(None, 7), answer(Some(LookSettings::default()), 7)];
-        assert!(with > 1.1 * without, "{with} {without}");
-    }
-
-    #[test]
-    fn a_target_that_turned_is_found_and_learned_where_it_is_by_a_picture_turned_back() {
-        const DEGREES: f64 = 20.0;
-        let settings = AppearanceSettings::default();
-        let first = scene(1);
-        let [x, y] = TARGET.centre();
-        let place = [x + 9.0, y - 6.0];
-        let pixel = |i: usize| {
-            let offset = [(i % WIDTH) as f64 + 0.5 - place[0], (i / WIDTH) as f64 + 0.5 - place[1]];
-            let [dx, dy] = turned(offset, -DEGREES.to_radians());
-            let [column, row] = [(x + dx, WIDTH), (y + dy, HEIGHT)].map(|(v, n)| v.clamp(0.0, n as f64 - 1.0) as usize);
-            first[row * WIDTH + column]
-        };
-        let then: Vec<u8> = (0..first.len()).map(pixel).collect();
-        let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
-        let mut cropper = Cropper::default();
-        let (mut correlator, _) = Correlator::new(&settings, None, &frame(&first), &mut cropper, &TARGET);
-        learn_looks(&mut correlator, &mut cropper);
-        correlator.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size(), 0.0);
-        let upright = correlator.highest();
-        // Turned farther the same way, it answers worse, and the look before stays.
-        assert!(!correlator.look_turned(&frame(&then), &mut cropper, DEGREES, |r| r > upright.response));
-        assert_eq!((correlator.turn(), correlator.highest().response), (0.0, upright.response));
-        assert!(correlator.look_turned(&frame(&then), &mut cropper, -DEGREES, |r| r > 1.2 * upright.response));
-        assert_eq!(correlator.turn(), -DEGREES);
-        assert!(distance(correlator.highest().centre, place) < 1.5, "{:?}", correlator.highest());
-        correlator.learn(&frame(&then), &mut cropper, place, TARGET.size());
-        correlator.respond();
-        // The sample learned has the target in its middle.
-        assert!(distance(correlator.highest().centre, TARGET.centre()) < 1.5, "{:?}", correlator.highest());
-    }
-
-    /// What a mark costs, counted: a run of the network and a few steps for the true look, and then as much, or less,
-    /// for each altered one, in a frame of its own.
-    #[test]
-    fn a_mark_costs_one_run_of_the_network_and_each_later_frame_one_look_more() {
-        let (settings, cnn) = (with_network(), network());
-        let runs = |cnn: &Option<SharedCnn>| locked(cnn.as_ref().unwrap()).runs;
-        let data = scene(1);
-        let frame = Frame::new(&data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
-        let mut cropper = Cropper::default();
-        let (mut correlator, _) = Correlator::new(&settings, cnn.clone(), &frame, &mut cropper, &TARGET);
-        assert_eq!((runs(&cnn), correlator.filters.steps()), (1, vec![FIRST_STEPS; 2]));
-        // Blurred, and larger and smaller, for both filters; then mirrored, and turned, for the network's alone.
-        const WEAK: usize = 4;
-        const ALL: usize = 9;
-        for look in 1..=ALL {
-            correlator.learn_look(&mut cropper);
-            let steps = [look.min(WEAK), look].map(|looks| FIRST_STEPS + LOOK_STEPS * looks);
-            assert_eq!((runs(&cnn), correlator.filters.steps()), (1 + look, steps.to_vec()));
-        }
-        correlator.learn_look(&mut cropper);
-        assert_eq!(runs(&cnn), 1 + ALL, "nothing is left to learn");
-    }
-
-    fn learn_looks(correlator: &mut Correlator, cropper: &mut Cropper) {
-        while !correlator.looks.is_empty() {
-            correlator.learn_look(cropper);
-        }
-    }
-
-    /// HOG, colour names, and two outputs of the embedded network.
-    fn with_network() -> AppearanceSettings {
-        let mut settings = AppearanceSettings::default();
-        let output = |i, components, energy| LayerSpec::scaled(LayerSource::Network(i), Some(components), energy);
-        settings.layers.extend([output(0, 8, 0.1), output(1, 32, 0.2)]);
-        settings
-    }
-
-    fn network() -> Option<SharedCnn> {
-        let loaded = Request::of(&Params::default()).unwrap().load().unwrap();
-        Some(Arc::new(Mutex::new(loaded)))
-    }
-
-    /// The response map of a filter trained on the first frame, to a scene that is a little blurred.
-    fn responses(change: impl Fn(&mut AppearanceSettings)) -> Vec<f32> {
-        let mut settings = with_network();
-        change(&mut settings);
-        let [first, then] = [scene(1), scene(3)];
-        let frame = |data| Frame::new(data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
-        let mut cropper = Cropper::default();
-        let (mut correlator, _) = Correlator::new(&settings, network(), &frame(&first), &mut cropper, &TARGET);
-        learn_looks(&mut correlator, &mut cropper);
-        correlator.look(&frame(&then), &mut cropper, TARGET.centre(), TARGET.size(), 0.0);
-        correlator.view.response
-    }
-
-    #[test]
-    fn a_separate_filter_of_the_network_has_its_share_of_the_response() {
-        let separate = |share, regularisation| Some(NetworkFilterSettings { share, regularisation });
-        let usual = NetworkFilterSettings::default().regularisation;
-        let with_share = |share| responses(|settings| settings.network_filter = separate(share, usual));
-        let [hand_crafted, network, both] = [0.0, 1.0, 0.3].map(with_share);
-        assert_eq!(hand_crafted, responses(|settings| settings.layers.truncate(2)));
-        let difference = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        let sum: Vec<f32> = hand_crafted.iter().zip(&network).map(|(h, n)| 0.7 * h + 0.3 * n).collect();
-        assert!(difference(&both, &sum) < 1e-5);
-        assert!(difference(&hand_crafted, &network) > 0.01);
-        assert!(difference(&both, &responses(|settings| settings.network_filter = None)) > 0.01);
-        // The weight of its norm, and mirrored and turned looks, are for the network alone.
-        let smooth = |share| responses(|settings| settings.network_filter = separate(share, 10.0));
-        assert_eq!(hand_crafted, smooth(0.0));
-        let highest = |map: &[f32]| map.iter().copied().fold(0.0, f32::max);
-        assert!(highest(&smooth(1.0)) < 0.9 * highest(&network));
-        let upright = |share| {
-            responses(|settings| {
-                settings.network_filter = separate(share, usual);
-                settings.looks = Some(LookSettings { mirror: false, turn: 0.0, ..LookSettings::default() });
-            })
-        };
-        assert_eq!(hand_crafted, upright(0.0));
-        assert!(difference(&network, &upright(1.0)) > 0.01);
-    }
-
-    #[test]
-    fn layers_of_a_network_that_is_not_there_are_left_out() {
-        let data = scene(1);
-        let frame = Frame::new(&data, WIDTH as u32, HEIGHT as u32, WIDTH, Encoding::Mono8, None).unwrap();
-        let trained = |settings| Correlator::new(&settings, None, &frame, &mut Cropper::default(), &TARGET).1;
-        assert_eq!(trained(with_network()), trained(AppearanceSettings::default()));
-    }
-}
+mod tests;

@@ -12,6 +12,7 @@
 //! | `augment.rs` | altered looks at the first frame's target, which the filters learn as well |
 //! | `correlator.rs` | the filters and the window that they look through (LCMHT eqs 1 to 9) |
 //! | `scale.rs` | the one-dimensional scale filter |
+//! | `matching.rs` | where a pair of networks finds the target as it was marked |
 //! | `confidence.rs` | the states, from the response |
 
 mod augment;
@@ -19,6 +20,7 @@ mod confidence;
 mod correlator;
 mod filters;
 pub mod layers;
+pub mod matching;
 pub mod scale;
 mod settings;
 
@@ -146,7 +148,7 @@ impl Appearance {
     pub fn recognise(&mut self, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> Recognised {
         self.correlator.look(frame, cropper, rect.centre(), rect.size(), 0.0);
         let blind = self.correlator.is_blank();
-        let Answer { centre, response } = self.correlator.best(|_| 1.0);
+        let Answer { centre, response, .. } = self.correlator.best(|_| 1.0);
         let state = self.confidence.judge(response);
         // Targets may jump: half of the way there would be neither here nor there.
         let place = if state == State::Lost { rect.centre() } else { centre };

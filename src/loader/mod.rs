@@ -8,7 +8,7 @@
 #[cfg(feature = "onnxruntime")]
 mod onnxruntime;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use log::{error, info};
@@ -17,7 +17,7 @@ use onnxruntime::Found;
 
 use crate::error::NetworkError;
 use crate::file::{self, FileError};
-use crate::network::{Cnn, Engine, Model, NetworkSettings, SharedCnn};
+use crate::network::{Cnn, Engine, MatchingNetwork, Model, NetworkSettings, Networks};
 use crate::params::{Algorithm, ChannelOrder, Inference, LcmhtCnn, Params};
 use crate::session::Session;
 
@@ -26,7 +26,16 @@ pub(crate) const EMBEDDED: &[u8] = include_bytes!("../../assets/lite0.onnx");
 /// The built-in library's name in log lines.
 const BUILTIN: &str = "tract";
 
-/// What a network is loaded by.
+/// What runs a network, as it is asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Runner {
+    /// Which library.
+    pub inference: Inference,
+    /// ONNX Runtime's library; `None` looks where [`Inference`] says.
+    pub library: Option<PathBuf>,
+}
+
+/// What a network whose outputs become layers is loaded by.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Request {
     /// The ONNX file; `None` is the embedded network.
@@ -34,65 +43,27 @@ pub struct Request {
     /// Bytes that the file may have.
     pub most: u64,
     /// What runs it.
-    pub inference: Inference,
-    /// ONNX Runtime's library; `None` looks where [`Inference`] says.
-    pub library: Option<PathBuf>,
+    pub runner: Runner,
     /// What it is given, and what is wanted of it.
     pub settings: NetworkSettings,
 }
 
-impl Request {
-    /// For the network of these parameters, which have been checked to fit each other, with a file of `most` bytes.
-    pub fn new(params: &LcmhtCnn, most: u64) -> Self {
-        let path = |text: &str| (!text.is_empty()).then(|| PathBuf::from(text));
-        let three = |values: &[f64]| std::array::from_fn(|i| values[i] as f32);
-        Self {
-            file: path(&params.file),
-            most,
-            inference: params.inference,
-            library: path(&params.library),
-            settings: NetworkSettings {
-                side: params.side as usize,
-                mean: three(&params.mean),
-                scale: three(&params.scale),
-                bgr: params.order == ChannelOrder::Bgr,
-                outputs: params.outputs.clone(),
-                threads: params.threads as usize,
-            },
-        }
-    }
+/// What the pair of networks that finds the marked target is loaded by.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MatchingRequest {
+    /// The ONNX files of backbone and head.
+    pub files: [PathBuf; 2],
+    /// Bytes that each file may have.
+    pub most: u64,
+    /// What runs them.
+    pub runner: Runner,
+    /// Threads of a run.
+    pub threads: usize,
+}
 
-    /// For the network that the parameters ask for, if they do.
-    pub fn of(params: &Params) -> Option<Self> {
-        let is_wanted = params.general.algorithm == Algorithm::Lcmht && params.lcmht.cnn.enabled;
-        is_wanted.then(|| Self::new(&params.lcmht.cnn, params.limits.file_bytes()))
-    }
-
-    /// Loads the network and tries it out; one log line says what runs it.
-    ///
-    /// # Errors
-    /// The file cannot be read, is no such network, or what is to run it is not to be had.
-    pub fn load(&self) -> Result<Cnn, NetworkError> {
-        let name = self.name();
-        let model = self.model(&name)?;
-        let (engine, by) = self.engine()?;
-        let side = self.settings.side;
-        info!("network {name} at {side} x {side} runs by {by}");
-        Cnn::new(&name, model, self.settings.clone(), &engine)
-    }
-
-    /// The network's name in messages.
-    fn name(&self) -> String {
-        self.file.as_ref().map_or("embedded".to_owned(), |file| file.display().to_string())
-    }
-
-    fn model(&self, name: &str) -> Result<Model, NetworkError> {
-        let Some(path) = &self.file else { return Ok(EMBEDDED.into()) };
-        let file = name.to_owned();
-        file::read(path, self.most).map(Model::from).map_err(|error| match error {
-            FileError::TooLarge { len, most } => NetworkError::TooLarge { file, len, most },
-            error => NetworkError::Unreadable { file, why: error.to_string() },
-        })
+impl Runner {
+    fn new(params: &LcmhtCnn) -> Self {
+        Self { inference: params.inference, library: path(&params.library) }
     }
 
     /// What is to run it, and its name in log lines.
@@ -117,45 +88,134 @@ impl Request {
     }
 }
 
-/// The network that a set of parameters asks for, ready to run; none where they ask for none.
+impl Request {
+    /// For the network of these parameters, which have been checked to fit each other, with a file of `most` bytes.
+    pub fn new(params: &LcmhtCnn, most: u64) -> Self {
+        let three = |values: &[f64]| std::array::from_fn(|i| values[i] as f32);
+        Self {
+            file: path(&params.file),
+            most,
+            runner: Runner::new(params),
+            settings: NetworkSettings {
+                side: params.side as usize,
+                mean: three(&params.mean),
+                scale: three(&params.scale),
+                bgr: params.order == ChannelOrder::Bgr,
+                outputs: params.outputs.clone(),
+                threads: params.threads as usize,
+            },
+        }
+    }
+
+    /// For the network that the parameters ask for, if they do.
+    pub fn of(params: &Params) -> Option<Self> {
+        let is_wanted = params.general.algorithm == Algorithm::Lcmht && params.lcmht.cnn.enabled;
+        is_wanted.then(|| Self::new(&params.lcmht.cnn, params.limits.file_bytes()))
+    }
+
+    /// Loads the network and tries it out; one log line says what runs it.
+    ///
+    /// # Errors
+    /// The file cannot be read, is no such network, or what is to run it is not to be had.
+    pub fn load(&self) -> Result<Cnn, NetworkError> {
+        let name = self.file.as_ref().map_or("embedded".to_owned(), |file| file.display().to_string());
+        let model = match &self.file {
+            Some(path) => read(path, self.most)?,
+            None => EMBEDDED.into(),
+        };
+        let (engine, by) = self.runner.engine()?;
+        let side = self.settings.side;
+        info!("network {name} at {side} x {side} runs by {by}");
+        Cnn::new(&name, model, self.settings.clone(), &engine)
+    }
+}
+
+impl MatchingRequest {
+    /// For the networks that the parameters ask for, if they do.
+    pub fn of(params: &Params) -> Option<Self> {
+        let matching = &params.lcmht.matching;
+        let is_wanted = params.general.algorithm == Algorithm::Lcmht && matching.enabled;
+        is_wanted.then(|| Self {
+            files: [&matching.backbone, &matching.head].map(PathBuf::from),
+            most: params.limits.file_bytes(),
+            runner: Runner::new(&params.lcmht.cnn),
+            threads: params.lcmht.cnn.threads as usize,
+        })
+    }
+
+    /// Loads the networks and tries them out; one log line says what runs them.
+    ///
+    /// # Errors
+    /// A file cannot be read, they are no such networks, or what is to run them is not to be had.
+    pub fn load(&self) -> Result<MatchingNetwork, NetworkError> {
+        if let Some(part) = ["backbone", "head"].iter().zip(&self.files).find(|(_, file)| file.as_os_str().is_empty()) {
+            return Err(NetworkError::Unnamed { parameter: format!("lcmht.matching.{}", part.0) });
+        }
+        let [backbone, head] = self.files.each_ref().map(|file| file.display().to_string());
+        let models = [read(&self.files[0], self.most)?, read(&self.files[1], self.most)?];
+        let (engine, by) = self.runner.engine()?;
+        let network = MatchingNetwork::new([&backbone, &head], models, self.threads, &engine)?;
+        let side = network.form().window;
+        info!("matching networks {backbone} and {head} at {side} x {side} run by {by}");
+        Ok(network)
+    }
+}
+
+fn path(text: &str) -> Option<PathBuf> {
+    (!text.is_empty()).then(|| PathBuf::from(text))
+}
+
+fn read(path: &Path, most: u64) -> Result<Model, NetworkError> {
+    let file = path.display().to_string();
+    file::read(path, most).map(Model::from).map_err(|error| match error {
+        FileError::TooLarge { len, most } => NetworkError::TooLarge { file, len, most },
+        error => NetworkError::Unreadable { file, why: error.to_string() },
+    })
+}
+
+/// The networks that a set of parameters asks for, ready to run.
 #[derive(Clone, Debug, Default)]
 pub struct Loaded {
-    request: Option<Request>,
-    network: Option<SharedCnn>,
+    cnn: Option<Request>,
+    matching: Option<MatchingRequest>,
+    networks: Networks,
 }
 
 impl Loaded {
     /// Loads what the parameters ask for.
     ///
     /// # Errors
-    /// As [`Request::load`].
+    /// As [`Request::load`] and [`MatchingRequest::load`].
     pub fn new(params: &Params) -> Result<Self, NetworkError> {
-        let request = Request::of(params);
-        let network = request.as_ref().map(Request::load).transpose()?;
-        Ok(Self { request, network: network.map(|cnn| Arc::new(Mutex::new(cnn))) })
+        let (cnn, matching) = (Request::of(params), MatchingRequest::of(params));
+        let networks = Networks {
+            cnn: cnn.as_ref().map(Request::load).transpose()?.map(|cnn| Arc::new(Mutex::new(cnn))),
+            matching: matching.as_ref().map(MatchingRequest::load).transpose()?.map(|pair| Arc::new(Mutex::new(pair))),
+        };
+        Ok(Self { cnn, matching, networks })
     }
 
     /// Whether it is what these parameters ask for.
     pub fn suits(&self, params: &Params) -> bool {
-        self.request == Request::of(params)
+        self.cnn == Request::of(params) && self.matching == MatchingRequest::of(params)
     }
 
-    /// The network, to be handed to a session.
-    pub fn network(&self) -> Option<SharedCnn> {
-        self.network.clone()
+    /// The networks, to be handed to a session.
+    pub fn networks(&self) -> Networks {
+        self.networks.clone()
     }
 }
 
-/// A session with the network that its parameters ask for, loaded here.
+/// A session with the networks that its parameters ask for, loaded here.
 impl Session {
     /// A session that waits for a mark or, where the tracker finds targets by itself, for frames; or why a file that
     /// the parameters name cannot be used.
     ///
     /// # Errors
-    /// As [`Request::load`].
+    /// As [`Loaded::new`].
     pub fn new(params: Params) -> Result<Self, NetworkError> {
         let loaded = Loaded::new(&params)?;
-        Ok(Self::with_network(params, loaded.network()))
+        Ok(Self::with_networks(params, loaded.networks()))
     }
 }
 

@@ -11,18 +11,23 @@
 //! | `builtin.rs` | inference by tract, which is built in |
 //! | `depthwise.rs` | its convolutions of single channels, which ours replace |
 //! | `onnxruntime.rs` | inference by ONNX Runtime |
+//! | `matching.rs` | two networks that find a template in a search window |
+//! | `declared.rs` | what an ONNX file declares of its input, and freeing it of that |
 
 mod backend;
 mod builtin;
+mod declared;
 mod depthwise;
+mod matching;
 #[cfg(feature = "onnxruntime")]
 mod onnxruntime;
 
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use backend::{Backend, Refusal};
+use backend::{Backend, Input, Outputs, Refusal};
 pub use backend::{Model, RunError};
+pub use matching::{MatchingForm, MatchingNetwork, SharedMatching};
 #[cfg(feature = "onnxruntime")]
 pub use onnxruntime::Runtime;
 
@@ -62,12 +67,57 @@ pub enum Engine {
     OnnxRuntime(Runtime),
 }
 
+impl Engine {
+    fn load(&self, model: &[u8], outputs: Outputs, threads: usize) -> Result<Box<dyn Backend>, Refusal> {
+        match self {
+            Self::Builtin => builtin::load(model, outputs, threads),
+            #[cfg(feature = "onnxruntime")]
+            Self::OnnxRuntime(runtime) => runtime.load(model, outputs, threads),
+        }
+    }
+}
+
 /// A network that all targets of a tracker use, one at a time.
 pub type SharedCnn = Arc<Mutex<Cnn>>;
 
 /// The network behind the lock; nobody else uses it while a tracker does.
-pub fn locked(cnn: &SharedCnn) -> MutexGuard<'_, Cnn> {
-    cnn.lock().unwrap_or_else(PoisonError::into_inner)
+pub fn locked<T>(network: &Mutex<T>) -> MutexGuard<'_, T> {
+    network.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The networks that a tracker uses.
+#[derive(Clone, Debug, Default)]
+pub struct Networks {
+    /// Whose outputs become layers.
+    pub cnn: Option<SharedCnn>,
+    /// Which finds the target as it was marked.
+    pub matching: Option<SharedMatching>,
+}
+
+impl Networks {
+    /// Whether both are the same.
+    pub fn are(&self, other: &Self) -> bool {
+        same(&self.cnn, &other.cnn) && same(&self.matching, &other.matching)
+    }
+
+    /// Why the last run of one of them failed, if it did.
+    pub fn failure(&self) -> Option<String> {
+        let told = |name: &str, why: &RunError| format!("network {name}: {why}");
+        let cnn = self.cnn.as_ref().map(|cnn| locked(cnn));
+        if let Some((cnn, why)) = cnn.as_ref().and_then(|cnn| Some((cnn, cnn.failure()?))) {
+            return Some(told(cnn.name(), why));
+        }
+        let matching = self.matching.as_ref().map(|matching| locked(matching));
+        matching.as_ref().and_then(|matching| Some(told(matching.name(), matching.failure()?)))
+    }
+}
+
+/// Whether both are the same network, or none.
+fn same<T>(a: &Option<Arc<T>>, b: &Option<Arc<T>>) -> bool {
+    match (a, b) {
+        (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+        (a, b) => a.is_none() && b.is_none(),
+    }
 }
 
 /// A network with the maps it made last.
@@ -137,7 +187,7 @@ impl Cnn {
         {
             self.runs += 1;
         }
-        self.failure = self.network.run(&self.image, self.settings.side, &mut self.maps).err();
+        self.failure = self.network.run(&[Input::image(self.settings.side, &self.image)], &mut self.maps).err();
         if self.failure.is_some() {
             self.maps.iter_mut().for_each(|map| map.data.fill(0.0));
         }
@@ -157,10 +207,7 @@ impl Cnn {
     /// colour is grey.
     fn prepare(&mut self, patch: &Patch) {
         let NetworkSettings { side, mean, scale, bgr, .. } = self.settings;
-        let planes = patch.planes();
-        for (channel, out) in self.image.chunks_exact_mut(side * side).enumerate() {
-            let colour = if bgr { 2 - channel } else { channel };
-            let plane = planes.get(colour).unwrap_or(&planes[0]);
+        for (channel, (out, plane)) in self.image.chunks_exact_mut(side * side).zip(planes(patch, bgr)).enumerate() {
             let (mean, factor) = (mean[channel], 1.0 / scale[channel]);
             out.iter_mut().zip(plane).for_each(|(o, &v)| *o = (f32::from(v) - mean) * factor);
         }
@@ -173,6 +220,12 @@ impl fmt::Debug for Cnn {
     }
 }
 
+/// The three planes of a patch in a network's order. A patch without colour is grey.
+fn planes(patch: &Patch, bgr: bool) -> impl Iterator<Item = &Vec<u8>> {
+    let planes = patch.planes();
+    (0..3).map(move |channel| planes.get(if bgr { 2 - channel } else { channel }).unwrap_or(&planes[0]))
+}
+
 /// Lets the engine load the network, checks its input and outputs, and runs it once on `image`.
 fn checked(
     name: &str,
@@ -183,23 +236,19 @@ fn checked(
     maps: &mut [FeatureMap],
 ) -> Result<Box<dyn Backend>, NetworkError> {
     let NetworkSettings { side, outputs, threads, .. } = settings;
-    let refused = |refusal| refused(refusal, name, *side);
-    let network = match engine {
-        Engine::Builtin => builtin::load(model, outputs, *threads),
-        #[cfg(feature = "onnxruntime")]
-        Engine::OnnxRuntime(runtime) => runtime.load(&model, outputs, *threads),
-    };
-    let mut network = network.map_err(refused)?;
-    let declared = network.input();
+    let refused = |refusal| refused(refusal, name);
+    let mut network = engine.load(&model, Outputs::Named(outputs), *threads).map_err(refused)?;
+    let input = |got: String| NetworkError::Input { file: name.to_owned(), got, side: *side };
+    let inputs = network.inputs();
+    let [declared] = inputs.as_slice() else { return Err(input(format!("{} inputs", inputs.len()))) };
     let wanted = [1, 3, *side, *side];
     let fits = declared.is_empty()
         || declared.len() == wanted.len() && declared.iter().zip(wanted).all(|(d, w)| d.is_none_or(|d| d == w));
     if !fits {
-        let length = |d: &Option<usize>| d.map_or("?".to_owned(), |d| d.to_string());
-        let got = declared.iter().map(length).collect::<Vec<_>>().join(" x ");
-        return Err(NetworkError::Input { file: name.to_owned(), got, side: *side });
+        return Err(input(shape(declared)));
     }
-    network.run(image, *side, maps).map_err(|why| refused(Refusal::Format(why.to_string())))?;
+    let tried = network.run(&[Input::image(*side, image)], maps);
+    tried.map_err(|why| refused(Refusal::Format(why.to_string())))?;
     for (output, map) in outputs.iter().zip(maps) {
         if map.data.iter().any(|v| !v.is_finite()) {
             return Err(NetworkError::NotFinite { file: name.to_owned(), name: output.clone() });
@@ -208,12 +257,18 @@ fn checked(
     Ok(network)
 }
 
-fn refused(refusal: Refusal, file: &str, side: usize) -> NetworkError {
+/// A declared shape in messages.
+fn shape(declared: &[Option<usize>]) -> String {
+    let length = |d: &Option<usize>| d.map_or("?".to_owned(), |d| d.to_string());
+    declared.iter().map(length).collect::<Vec<_>>().join(" x ")
+}
+
+fn refused(refusal: Refusal, file: &str) -> NetworkError {
     let file = file.to_owned();
     match refusal {
         Refusal::Format(why) => NetworkError::Format { file, why: why.replace('\n', " ") },
         Refusal::Output { name, known } => NetworkError::Output { file, name, known: known.join(", ") },
-        Refusal::Inputs(count) => NetworkError::Input { file, got: format!("{count} inputs"), side },
+        Refusal::Outputs(count) => NetworkError::Matching { file, why: format!("it has {count} outputs") },
     }
 }
 
@@ -231,11 +286,11 @@ mod tests {
     }
 
     impl Backend for Failing {
-        fn input(&self) -> Vec<Option<usize>> {
-            Vec::new()
+        fn inputs(&self) -> Vec<Vec<Option<usize>>> {
+            vec![Vec::new()]
         }
 
-        fn run(&mut self, _: &[f32], _: usize, maps: &mut [FeatureMap]) -> Result<(), RunError> {
+        fn run(&mut self, _: &[Input], maps: &mut [FeatureMap]) -> Result<(), RunError> {
             self.runs += 1;
             maps[0].resize(1, 1, 1);
             maps[0].data[0] = 1.0;

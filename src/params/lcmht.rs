@@ -151,6 +151,18 @@ impl LcmhtCnn {
 }
 
 group! {
+    /// A pair of networks that finds the target as it was marked.
+    pub struct LcmhtMatching at "lcmht.matching." {
+        enabled: bool = false, needs Network, is Basic; "Adds a pair of matching networks, which find the target as it was marked: their score map becomes a layer, their boxes tell width and height. Needs backbone and head."
+        backbone: String = "", needs Restart, is Basic; "ONNX file of the network that makes features of template and search window."
+        head: String = "", needs Restart, is Basic; "ONNX file of the network that finds the template in the search window."
+        share: f64 = 0.35, in 0.0..=1.0; "Share of the score map in the response that the target's place is chosen by."
+        size_rate: f64 = 0.35, in 0.0..=1.0; "Share of the networks' width and height that one frame takes over where they are sure."
+        centre_rate: f64 = 0.5, in 0.0..=1.0; "Share of the networks' centre that is taken over where they are sure."
+    }
+}
+
+group! {
     /// The correlation filter.
     pub struct LcmhtFilter at "lcmht.filter." {
         window: f64 = 4.0, in 1.5..=8.0, unit "target sizes", needs Filters, is Basic; "Side of the search window."
@@ -236,6 +248,8 @@ groups! {
         layers: LcmhtLayers,
         /// Layers of a convolutional network.
         cnn: LcmhtCnn,
+        /// A pair of networks that finds the target as it was marked.
+        matching: LcmhtMatching,
         /// The correlation filter.
         filter: LcmhtFilter,
         /// Altered looks at the target in the first frame.

@@ -12,7 +12,7 @@ use super::convert::{Mark, Received, Start};
 use super::history::ImageHistory;
 use super::queue::{Command, Queue};
 use crate::frame::Stamp;
-use crate::network::SharedCnn;
+use crate::network::Networks;
 use crate::params::Params;
 
 /// What the worker takes at a time.
@@ -26,13 +26,13 @@ pub struct Work {
     pub superseded: u64,
 }
 
-/// A set of parameters, and the network that it asks for.
+/// A set of parameters, and the networks that it asks for.
 #[derive(Debug)]
 pub struct Tuning {
     /// The parameters.
     pub params: Params,
-    /// The network, loaded.
-    pub network: Option<SharedCnn>,
+    /// The networks, loaded.
+    pub networks: Networks,
 }
 
 /// One thing to do.
@@ -125,10 +125,10 @@ impl Inbox {
 
     /// Puts these parameters in force, from the next image on at the latest. Only the newest set counts, for each is
     /// whole.
-    pub fn retune(&self, params: Params, network: Option<SharedCnn>) {
+    pub fn retune(&self, params: Params, networks: Networks) {
         let mut state = self.lock();
         limit(&mut state, &params);
-        state.params = Some(Box::new(Tuning { params, network }));
+        state.params = Some(Box::new(Tuning { params, networks }));
         self.changed.notify_one();
     }
 
@@ -230,13 +230,13 @@ mod tests {
         for side in [100, 101, 102] {
             let mut params = Params::default();
             params.debug.max_side = side;
-            inbox.retune(params, None);
+            inbox.retune(params, Networks::default());
         }
         inbox.put(frame(1));
         let work = inbox.wait(NOW).unwrap();
         assert_eq!(work.params.unwrap().params.debug.max_side, 102);
         assert!(matches!(work.task, Some(Task::Image(..))));
-        inbox.retune(Params::default(), None);
+        inbox.retune(Params::default(), Networks::default());
         assert!(inbox.wait(NOW).unwrap().task.is_none());
     }
 

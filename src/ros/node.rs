@@ -106,7 +106,7 @@ impl Threads {
             stats: stats.clone(),
             end: closed.clone(),
         };
-        let session = Session::with_network(settings.params.clone(), loaded.network());
+        let session = Session::with_networks(settings.params.clone(), loaded.networks());
         let store = Arc::new(Store::new(settings, loaded));
         let tracks = endpoints.publisher("~/tracks")?;
         let detections = endpoints.publisher("~/detections")?;

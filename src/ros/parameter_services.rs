@@ -132,9 +132,9 @@ impl ParameterServices {
 
     fn answer(&self, taken: Result<Change, ParamsError>) -> raw::SetParametersResult {
         match taken {
-            Ok(Change { settings, network, different }) => {
+            Ok(Change { settings, networks, different }) => {
                 if !different.is_empty() {
-                    self.inbox.retune(settings.params.clone(), network);
+                    self.inbox.retune(settings.params.clone(), networks);
                     self.publish(different);
                 }
                 raw::SetParametersResult { successful: true, reason: String::new() }

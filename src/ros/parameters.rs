@@ -10,7 +10,7 @@ use super::fault::Fault;
 use super::image_qos::ImageQos;
 use crate::error::ParamsError;
 use crate::loader::Loaded;
-use crate::network::SharedCnn;
+use crate::network::Networks;
 use crate::params::{
     self, Assignment, Need, NodeName, Origin, Override, Overrides, Params, Phase, Range, Tier, Value, ValueKind,
 };
@@ -284,7 +284,7 @@ pub struct Store(Mutex<InForce>);
 #[derive(Debug)]
 struct InForce {
     settings: Arc<NodeSettings>,
-    /// The network that they ask for.
+    /// The networks that they ask for.
     loaded: Loaded,
 }
 
@@ -293,14 +293,14 @@ struct InForce {
 pub struct Change {
     /// The new set.
     pub settings: Arc<NodeSettings>,
-    /// The network that it asks for.
-    pub network: Option<SharedCnn>,
+    /// The networks that it asks for.
+    pub networks: Networks,
     /// What differs from the set before.
     pub different: Vec<Assignment>,
 }
 
 impl Store {
-    /// Puts a set in force, with the network that it asks for.
+    /// Puts a set in force, with the networks that it asks for.
     pub fn new(settings: NodeSettings, loaded: Loaded) -> Self {
         Self(Mutex::new(InForce { settings: Arc::new(settings), loaded }))
     }
@@ -310,7 +310,7 @@ impl Store {
         self.lock().settings.clone()
     }
 
-    /// Checks changes, and loads the network that they ask for, which may take seconds: nobody waits for it meanwhile.
+    /// Checks changes, and loads the networks that they ask for, which may take seconds: nobody waits for it meanwhile.
     pub fn prepare(&self, changes: &[Assignment]) -> Result<Loaded, ParamsError> {
         let changed = self.current().with(changes, Phase::Running)?;
         Ok(Loaded::new(&changed.params)?)
@@ -333,9 +333,9 @@ impl Store {
                 different.push((name.clone(), value));
             }
         }
-        let network = loaded.network();
+        let networks = loaded.networks();
         *current = InForce { settings: settings.clone(), loaded };
-        Ok(Some(Change { settings, network, different }))
+        Ok(Some(Change { settings, networks, different }))
     }
 
     fn lock(&self) -> MutexGuard<'_, InForce> {
@@ -486,11 +486,11 @@ mod tests {
         store.change(&[row("lcmht.cnn.side", Value::Integer(128))], None).unwrap().unwrap();
         assert!(store.change(&on, Some(prepared)).unwrap().is_none(), "it has another side");
         let prepared = store.prepare(&on).unwrap();
-        let network = prepared.network().unwrap();
+        let network = prepared.networks().cnn.unwrap();
         let change = store.change(&on, Some(prepared)).unwrap().unwrap();
-        assert!(Arc::ptr_eq(&network, &change.network.unwrap()));
+        assert!(Arc::ptr_eq(&network, &change.networks.cnn.unwrap()));
         // What leaves it alone keeps it.
         let change = store.change(&[row("lcmht.cnn.share", Value::Double(0.5))], None).unwrap().unwrap();
-        assert!(Arc::ptr_eq(&network, &change.network.unwrap()));
+        assert!(Arc::ptr_eq(&network, &change.networks.cnn.unwrap()));
     }
 }

@@ -97,7 +97,7 @@ impl Worker {
         let Work { params, task, superseded } = work;
         count(&self.stats.superseded, superseded);
         if let Some(tuning) = params {
-            self.session.retune(tuning.params, tuning.network);
+            self.session.retune(tuning.params, tuning.networks);
         }
         let Some(task) = task else { return };
         if let Task::Image(frame, skipped) = &task {

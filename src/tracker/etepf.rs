@@ -40,7 +40,7 @@ use crate::filter::bounds::Bounds;
 use crate::filter::particles::Particles;
 use crate::frame::Frame;
 use crate::geometry::Rect;
-use crate::network::SharedCnn;
+use crate::network::Networks;
 use crate::params::{CLIMB, EtepfMethod, EtepfParams, Group as _, Need, Params, SURROUND};
 use crate::trace::{Event, Stage, Trace};
 use appearance::{Appearance, Evidence};
@@ -148,7 +148,7 @@ impl Tracker for Etepf {
         self.targets.report(output);
     }
 
-    fn retune(&mut self, params: &Params, _: Option<SharedCnn>) {
+    fn retune(&mut self, params: &Params, _: Networks) {
         self.params = params.etepf.clone();
         for target in self.targets.iter_mut() {
             if target.retune(&self.params) {

@@ -13,12 +13,14 @@
 //! |---|---|
 //! | `lcmht/target.rs` | one target, and Algorithm 1 |
 //! | `lcmht/settings.rs` | what the parameters make of the parts |
+//! | `lcmht/matching.rs` | what matching networks say of the target, and how far they are believed |
 //! | `lcmht/motion.rs` | the motion model and the GM-PHD filter (eqs 17 to 24) |
 //! | `lcmht/neighbours.rs` | what looks like the target, so that it is not taken for it |
 //! | `lcmht/turn.rs` | how far the picture is turned that the target is looked for in |
 //! | `appearance/` | the layers, the response of the filters to them (eqs 1 to 9), and the states that follow from it |
 //! | `detect/online.rs` | the support vector machine (eqs 10 to 16) |
 
+mod matching;
 mod motion;
 mod neighbours;
 mod settings;
@@ -35,7 +37,7 @@ use super::{NewId, Output, State, Tracker};
 use crate::crop::Cropper;
 use crate::frame::Frame;
 use crate::geometry::Rect;
-use crate::network::SharedCnn;
+use crate::network::Networks;
 use crate::params::{LcmhtParams, Need, Params};
 use crate::trace::{Event, Stage, Trace};
 use target::LcmhtTarget;
@@ -45,21 +47,21 @@ pub struct Lcmht {
     params: LcmhtParams,
     seed: u64,
     cropper: Cropper,
-    /// The network, if its layers are wanted.
-    cnn: Option<SharedCnn>,
+    /// The networks that are wanted.
+    networks: Networks,
     targets: Targets<LcmhtTarget>,
     /// What changed parameters had made anew since the last frame.
     made: Made,
 }
 
 impl Lcmht {
-    /// A tracker that waits for a mark. Without a network, layers of one are left out.
-    pub fn new(params: &Params, network: Option<SharedCnn>) -> Self {
+    /// A tracker that waits for a mark. Without a network, what it gives is left out.
+    pub fn new(params: &Params, networks: Networks) -> Self {
         Self {
             params: params.lcmht.clone(),
             seed: params.general.seed.unsigned_abs(),
             cropper: Cropper::default(),
-            cnn: network,
+            networks,
             targets: Targets::default(),
             made: Made::default(),
         }
@@ -69,8 +71,8 @@ impl Lcmht {
 impl Tracker for Lcmht {
     fn start(&mut self, id: &Arc<str>, frame: &Frame, rect: Rect, trace: &mut dyn Trace) {
         trace.event(Event::Stage(Stage::Learn));
-        let Self { params, seed, cropper, cnn, .. } = self;
-        let followed = LcmhtTarget::new(id.clone(), params, cnn.clone(), *seed, frame, cropper, rect);
+        let Self { params, seed, cropper, networks, .. } = self;
+        let followed = LcmhtTarget::new(id.clone(), params, networks.clone(), *seed, frame, cropper, rect);
         self.targets.add(followed);
     }
 
@@ -89,7 +91,7 @@ impl Tracker for Lcmht {
     }
 
     fn step(&mut self, frame: &Frame, dt: f64, _: &mut NewId, trace: &mut dyn Trace) {
-        let Self { params, cropper, cnn, targets, made, .. } = self;
+        let Self { params, cropper, networks, targets, made, .. } = self;
         made.show(trace);
         // One at most is made anew in a frame, which takes as long as a mark.
         let mut remade = false;
@@ -97,7 +99,7 @@ impl Tracker for Lcmht {
             target.step(frame, cropper, dt, trace);
             if !remade && target.params != *params && target.appearance.state() == State::Tracking {
                 remade = true;
-                target.remake(params, cnn.clone(), frame, cropper, trace);
+                target.remake(params, networks.clone(), frame, cropper, trace);
             }
         }
     }
@@ -106,24 +108,16 @@ impl Tracker for Lcmht {
         self.targets.report(output);
     }
 
-    fn retune(&mut self, params: &Params, network: Option<SharedCnn>) {
-        if !is_same(&self.cnn, &network) {
+    fn retune(&mut self, params: &Params, networks: Networks) {
+        if !self.networks.are(&networks) {
             self.made.note(Need::Runtime);
         }
-        self.cnn = network;
+        self.networks = networks;
         self.params = params.lcmht.clone();
         for target in self.targets.iter_mut() {
-            if target.retune(&self.params, self.cnn.as_ref()) {
+            if target.retune(&self.params, &self.networks) {
                 self.made.note(Need::Motion);
             }
         }
-    }
-}
-
-/// Whether both are the same network, or none.
-fn is_same(a: &Option<SharedCnn>, b: &Option<SharedCnn>) -> bool {
-    match (a, b) {
-        (Some(a), Some(b)) => Arc::ptr_eq(a, b),
-        (a, b) => a.is_none() && b.is_none(),
     }
 }

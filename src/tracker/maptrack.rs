@@ -40,7 +40,7 @@ use crate::crop::Cropper;
 use crate::detect::blobs::Blob;
 use crate::frame::Frame;
 use crate::geometry::{Rect, distance};
-use crate::network::SharedCnn;
+use crate::network::Networks;
 use crate::params::{Group as _, MaptrackParams, Need, Params};
 use crate::trace::{Event, Proposal, Stage, Trace};
 use find::{Candidate, Candidates, fits};
@@ -263,7 +263,7 @@ impl Tracker for Maptrack {
         self.targets.report(output);
     }
 
-    fn retune(&mut self, params: &Params, _: Option<SharedCnn>) {
+    fn retune(&mut self, params: &Params, _: Networks) {
         let old = std::mem::replace(&mut self.params, params.maptrack.clone());
         if self.params.differs(&old, Need::Background) {
             self.view.forget_background(&self.params);

@@ -19,7 +19,7 @@ pub use build::build;
 
 use crate::frame::Frame;
 use crate::geometry::Rect;
-use crate::network::SharedCnn;
+use crate::network::Networks;
 pub use crate::output::{Output, State, Target};
 use crate::params::Params;
 use crate::trace::Trace;
@@ -55,6 +55,6 @@ pub trait Tracker: Send {
     /// Writes what is known of each target, in the order of their starts.
     fn report(&self, output: &mut Output);
 
-    /// Takes over changed parameters and the network that they ask for, if they do; the track goes on.
-    fn retune(&mut self, params: &Params, network: Option<SharedCnn>);
+    /// Takes over changed parameters and the networks that they ask for; the track goes on.
+    fn retune(&mut self, params: &Params, networks: Networks);
 }

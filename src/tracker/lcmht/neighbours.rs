@@ -163,7 +163,7 @@ mod tests {
     const UNIT: f64 = 40.0;
 
     fn answers<const N: usize>(places: [([f64; 2], f64); N]) -> [Answer; N] {
-        places.map(|(centre, response)| Answer { centre, response })
+        places.map(|(centre, response)| Answer { centre, response, fused: response })
     }
 
     /// A target that stands at (100, 100) and a neighbour that comes from the right by 5 px a frame.

@@ -2,16 +2,18 @@
 
 use std::sync::Arc;
 
+use super::matching::Matching;
 use super::motion::TargetMotion;
 use super::neighbours::{LEAST_FIT, Neighbours};
 use super::settings;
 use super::turn::{self, Fit, Turn};
+use crate::appearance::matching::Match;
 use crate::appearance::{Answer, Appearance};
 use crate::crop::Cropper;
 use crate::detect::online::Detector;
 use crate::frame::Frame;
 use crate::geometry::{Rect, distance};
-use crate::network::SharedCnn;
+use crate::network::Networks;
 use crate::params::{Group as _, LcmhtParams, Need};
 use crate::trace::{Event, Proposal, Stage, Trace};
 use crate::tracker::targets::Followed;
@@ -32,6 +34,7 @@ pub(super) struct LcmhtTarget {
     /// Whether the last frame had colour.
     colour: bool,
     pub(super) appearance: Appearance,
+    matching: Option<Matching>,
     motion: TargetMotion,
     neighbours: Neighbours,
     detector: Detector,
@@ -92,7 +95,7 @@ impl Followed for LcmhtTarget {
             id: self.id.clone(),
             rect: self.rect,
             velocity: if self.blind { [0.0; 2] } else { self.motion.velocity() },
-            confidence: self.appearance.confidence.reported(self.judged) as f32,
+            confidence: self.confidence() as f32,
             response: self.response as f32,
             state: self.appearance.state(),
             reacquired: self.reacquired,
@@ -106,19 +109,22 @@ impl LcmhtTarget {
     pub(super) fn new(
         id: Arc<str>,
         params: &LcmhtParams,
-        cnn: Option<SharedCnn>,
+        networks: Networks,
         seed: u64,
         frame: &Frame,
         cropper: &mut Cropper,
         rect: Rect,
     ) -> Self {
-        let (appearance, response) = Appearance::new(&settings::appearance(params), cnn, frame, cropper, &rect);
+        let (appearance, response) =
+            Appearance::new(&settings::appearance(params), networks.cnn, frame, cropper, &rect);
+        let matching = networks.matching.map(|network| Matching::new(network, frame, cropper, &rect));
         let detector = detector(params, seed, frame, cropper, &rect);
         Self {
             id,
             rect,
             colour: frame.encoding().is_colour(),
             appearance,
+            matching,
             motion: TargetMotion::new(&params.motion, &rect, frame.bounds().area()),
             neighbours: Neighbours::new(&params.neighbours),
             detector,
@@ -132,6 +138,15 @@ impl LcmhtTarget {
             lost_for: 0,
             reacquired: false,
             params: params.clone(),
+        }
+    }
+
+    /// What is reported: where there are matching networks, the probability that filter and networks agree on.
+    fn confidence(&self) -> f64 {
+        let confidence = &self.appearance.confidence;
+        match &self.matching {
+            Some(_) => confidence.discounted(confidence.quality(self.judged)),
+            None => confidence.reported(self.judged),
         }
     }
 
@@ -162,8 +177,17 @@ impl LcmhtTarget {
         trace.event(Event::Prediction(Rect::around(expected.place, self.rect.size())));
         self.blind = self.appearance.correlator.is_blank();
         self.look_turned(frame, cropper);
+        self.match_there(frame, cropper);
         self.appearance.correlator.show(trace);
         expected
+    }
+
+    /// Looks for the target by the matching networks where the filter looked.
+    fn match_there(&mut self, frame: &Frame, cropper: &mut Cropper) {
+        if let Some(matching) = &mut self.matching {
+            let correlator = &mut self.appearance.correlator;
+            matching.look(&self.params.matching, frame, cropper, self.rect.size(), correlator);
+        }
     }
 
     /// Looks where the target is expected `dt` frames later. Stamps tell of a gap where frames were skipped, and
@@ -212,9 +236,10 @@ impl LcmhtTarget {
             // Without colour the filter answers less to the same target.
             self.appearance.confidence.rebase(answer.response);
         }
-        let judged = answer.response * self.opinion(&answer, frame, cropper);
+        let opinion = self.opinion(&answer, frame, cropper);
+        let judged = self.agreed(&answer) * opinion;
         let before = self.appearance.state();
-        let state = self.appearance.confidence.assess(judged);
+        let state = self.appearance.confidence.assess_as(judged, answer.response * opinion);
         if state == State::Tracking {
             self.turn.settle(self.appearance.correlator.turn());
         }
@@ -241,10 +266,19 @@ impl LcmhtTarget {
         }
         let likelihood = |answer: &Answer| {
             let own = motion.prior(expected, answer.centre) * motion.nearness(expected, answer.centre).max(LEAST_FIT);
-            (answer.response * own).ln() - price(answer)
+            (answer.fused * own).ln() - price(answer)
         };
         let best = answers.iter().max_by(|a, b| likelihood(a).total_cmp(&likelihood(b)));
         best.copied().unwrap_or(favourite)
+    }
+
+    /// The response of an answer, or the response that is as sure as filter and matching networks are together.
+    fn agreed(&self, answer: &Answer) -> f64 {
+        let Some(matching) = &self.matching else { return answer.response };
+        let confidence = &self.appearance.confidence;
+        let quality = confidence.quality(answer.response);
+        let probability = matching.probability(quality, answer.centre, self.rect.size(), confidence.state());
+        confidence.response_of(probability)
     }
 
     /// How far the detector lets the filter's answer count, 0 to 1: a second opinion from other features, in every
@@ -264,7 +298,7 @@ impl LcmhtTarget {
         let trust = match self.appearance.state() {
             _ if !self.params.confidence.gate => 1.0,
             State::Tracking => 1.0,
-            State::Uncertain => self.appearance.confidence.trust(answer.response),
+            State::Uncertain => self.appearance.confidence.trust(self.agreed(answer)),
             State::Lost => 0.0,
         };
         let between = |i: usize| expected[i] + trust * (answer.centre[i] - expected[i]);
@@ -276,7 +310,7 @@ impl LcmhtTarget {
     fn watch_neighbours(&mut self, found: &Localised, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) {
         let Self { appearance: Appearance { correlator, confidence, .. }, neighbours, detector, rect, .. } = self;
         let (answers, usual, unit) = (correlator.answers(), confidence.usual(), rect.scale());
-        let Answer { centre, response } = found.answer;
+        let Answer { centre, response, .. } = found.answer;
         let certain = confidence.is_certain(response);
         neighbours.follow(answers, certain.then_some(centre), usual, unit);
         if certain {
@@ -309,11 +343,11 @@ impl LcmhtTarget {
     /// where the detector proposes and the GM-PHD filter finds it most likely.
     fn redetect(&mut self, found: &mut Localised, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) {
         let again = self.again(found, frame, cropper).or_else(|| self.proposed(found, frame, cropper, trace));
-        if let Some(Answer { centre, response }) = again {
+        if let Some(answer) = again {
+            (found.response, found.judged) = (answer.response, self.agreed(&answer));
             self.appearance.confidence.found();
             found.state = self.appearance.state();
-            (found.response, found.judged) = (response, response);
-            found.rect = Rect::around(centre, self.rect.size());
+            found.rect = Rect::around(answer.centre, self.rect.size());
         }
     }
 
@@ -323,7 +357,7 @@ impl LcmhtTarget {
         if !self.params.confidence.gate {
             answer.centre = found.rect.centre();
         }
-        let is_it = self.appearance.confidence.is_certain(answer.response) && self.is_it(&answer, frame, cropper);
+        let is_it = self.appearance.confidence.is_certain(self.agreed(&answer)) && self.is_it(&answer, frame, cropper);
         is_it.then_some(answer)
     }
 
@@ -338,16 +372,20 @@ impl LcmhtTarget {
         trace: &mut dyn Trace,
     ) -> Option<Answer> {
         self.detector.scan(frame, cropper, &found.rect, &mut self.proposals);
+        let matched = self.matching.as_ref().and_then(Matching::proposal);
+        self.proposals.extend(matched.map(|Match { rect, score }| Proposal { rect, score }));
         trace.event(Event::Proposals(&self.proposals));
         let heaviest = self.motion.filter(self.proposals.iter().map(|p| p.rect))?;
         let place = frame.nearest(heaviest.centre());
         let correlator = &mut self.appearance.correlator;
         correlator.look(frame, cropper, place, self.rect.size(), self.turn.degrees());
-        let mut answer = correlator.highest();
+        self.match_there(frame, cropper);
+        let mut answer = self.appearance.correlator.highest();
         if !self.params.confidence.gate {
             answer.centre = place;
         }
-        let is_it = self.appearance.confidence.is_convincing(answer.response) && self.is_it(&answer, frame, cropper);
+        let is_it =
+            self.appearance.confidence.is_convincing(self.agreed(&answer)) && self.is_it(&answer, frame, cropper);
         is_it.then_some(answer)
     }
 
@@ -357,7 +395,9 @@ impl LcmhtTarget {
             return false;
         }
         let place = Rect::around(answer.centre, self.rect.size());
-        self.detector.margin(frame, cropper, &place) >= self.params.svm.least_margin
+        let vouched = |matching: &Matching| matching.vouches_for(answer.centre, self.rect.size());
+        self.matching.as_ref().is_some_and(vouched)
+            || self.detector.margin(frame, cropper, &place) >= self.params.svm.least_margin
     }
 
     /// Takes over where the target is and how sure that is, estimates its size, and tells the motion model what has
@@ -367,9 +407,17 @@ impl LcmhtTarget {
         (self.rect, self.response, self.judged) = (rect, response, judged);
         self.reacquired = found.is_reacquired();
         self.lost_for = if found.state == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
+        if self.lost_for == 1
+            && let Some(matching) = &self.matching
+        {
+            self.rect = Rect::around(self.rect.centre(), matching.last_size());
+        }
         if found.state == State::Tracking && !self.reacquired && steady && self.params.scale.enabled {
             trace.event(Event::Stage(Stage::Scale));
             self.rect = self.appearance.resized(frame, cropper, &self.rect);
+        }
+        if let Some(matching) = &mut self.matching {
+            self.rect = matching.settled(&self.params.matching, frame, &self.rect, found.state);
         }
         match found.state {
             // It has been told: see `measure`.
@@ -401,14 +449,17 @@ impl LcmhtTarget {
 
     /// Takes over parameters, and says whether its motion filter begins anew. What filters are made of waits
     /// until they can be made anew: see [`remake`](Self::remake).
-    pub(super) fn retune(&mut self, params: &LcmhtParams, cnn: Option<&SharedCnn>) -> bool {
+    pub(super) fn retune(&mut self, params: &LcmhtParams, networks: &Networks) -> bool {
         let moves_anew = self.motion.retune(&params.motion, &self.rect);
         self.neighbours.retune(&params.neighbours);
         self.detector.retune(settings::detector(&params.svm));
         let mut taken = params.clone();
         taken.keep(&self.params);
         let fits = !params.differs(&taken, Need::Network);
-        self.appearance.retune(&settings::appearance(&taken), cnn.filter(|_| fits));
+        self.appearance.retune(&settings::appearance(&taken), networks.cnn.as_ref().filter(|_| fits));
+        if let (Some(matching), Some(network)) = (&mut self.matching, &networks.matching) {
+            matching.use_network(network);
+        }
         self.params = taken;
         moves_anew
     }
@@ -417,7 +468,7 @@ impl LcmhtTarget {
     pub(super) fn remake(
         &mut self,
         params: &LcmhtParams,
-        cnn: Option<SharedCnn>,
+        networks: Networks,
         frame: &Frame,
         cropper: &mut Cropper,
         trace: &mut dyn Trace,
@@ -425,7 +476,8 @@ impl LcmhtTarget {
         let made = std::mem::replace(&mut self.params, params.clone());
         let anew = |need| params.differs(&made, need);
         if anew(Need::Filters) || anew(Need::Network) {
-            let worth = self.appearance.remake(&settings::appearance(params), cnn, frame, cropper, &self.rect);
+            let worth = self.appearance.remake(&settings::appearance(params), networks.cnn, frame, cropper, &self.rect);
+            self.matching = networks.matching.map(|network| Matching::new(network, frame, cropper, &self.rect));
             self.turn = Turn::upright();
             (self.response, self.judged) = (self.response * worth, self.judged * worth);
         }

@@ -213,7 +213,7 @@ fn phd(area: f64) -> GmPhd<6, 4> {
 fn with_the_papers_parameters_each_frame_goes_by_algorithm_1_line_by_line() {
     let params = paper();
     let first = scene(0);
-    let mut tracker = Lcmht::new(&params, None);
+    let mut tracker = Lcmht::new(&params, Networks::default());
     tracker.start(&"1".into(), &frame(&first), TARGET, &mut ());
     let (mut naive, mut seen) = (Naive::new(&params, &frame(&first)), Branches::default());
     let mut output = Output::default();

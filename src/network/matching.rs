@@ -1,0 +1,217 @@
+//! A pair of networks that find a template in a search window, without learning: a backbone, which makes features of
+//! images, and a head, which holds those of the template against those of the window.
+//!
+//! They are of the kind that Siamese trackers publish (Bertinetto et al., *Fully-convolutional Siamese networks for
+//! object tracking*, ECCV 2016 workshops; Li et al., *High performance visual tracking with Siamese region proposal
+//! network*, CVPR 2018). Sizes are read from the files: the backbone declares the side of the window in pixels, the head
+//! that of template and window in cells.
+//!
+//! Images are blue, green, red, 0 to 255 as they are.
+
+use std::fmt;
+use std::sync::{Arc, Mutex};
+
+use super::backend::{Backend, Input, Model, Outputs, RunError};
+use super::declared::Freed;
+use super::{Engine, planes, refused, shape};
+use crate::crop::Patch;
+use crate::error::NetworkError;
+use crate::features::FeatureMap;
+
+/// The networks that all targets of a tracker use, one at a time.
+pub type SharedMatching = Arc<Mutex<MatchingNetwork>>;
+
+/// Sides of a window that are taken, in pixels.
+const SIDES: std::ops::RangeInclusive<usize> = 64..=1024;
+/// The intensity of the image that the networks are tried out on.
+const GREY: f32 = 128.0;
+
+/// Sizes that the files tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MatchingForm {
+    /// Side of the template, in pixels.
+    pub template: usize,
+    /// Side of the search window, in pixels.
+    pub window: usize,
+    /// From a cell of the answer to the next, in pixels of the window.
+    pub stride: usize,
+    /// Rows and columns of the answer. The cell in row and column `cells / 2` (rounded down) lies at the window's
+    /// centre.
+    pub cells: usize,
+}
+
+/// Backbone and head, with what they answered last.
+pub struct MatchingNetwork {
+    name: String,
+    backbone: Box<dyn Backend>,
+    head: Box<dyn Backend>,
+    form: MatchingForm,
+    /// The input, `3 x side x side`.
+    image: Vec<f32>,
+    features: [FeatureMap; 1],
+    /// Of the head: two channels and four, in this order.
+    answer: [FeatureMap; 2],
+    /// Whether the head gives the four first.
+    swapped: bool,
+    /// Why the last run failed, if it did.
+    failure: Option<RunError>,
+}
+
+impl MatchingNetwork {
+    /// The networks in two files, which messages call by these names. They are checked, and tried out on grey images.
+    ///
+    /// # Errors
+    /// They are no networks that `engine` runs, or no backbone and head that fit each other.
+    pub fn new(
+        [backbone_name, head_name]: [&str; 2],
+        [backbone, head]: [Model; 2],
+        threads: usize,
+        engine: &Engine,
+    ) -> Result<Self, NetworkError> {
+        let unfit = |file: &str, why: String| NetworkError::Matching { file: file.to_owned(), why };
+        let Freed { declared: [rows, window], model } =
+            Freed::new(&backbone).map_err(|why| unfit(backbone_name, why))?;
+        if rows != window || !SIDES.contains(&window) {
+            return Err(unfit(
+                backbone_name,
+                format!("its input has {rows} x {window} px, expected a square of 64 to 1024 px"),
+            ));
+        }
+        let backbone =
+            engine.load(&model, Outputs::All(1), threads).map_err(|refusal| refused(refusal, backbone_name))?;
+        let head = engine.load(&head, Outputs::All(2), threads).map_err(|refusal| refused(refusal, head_name))?;
+        let inputs = head.inputs();
+        let [template_cells, window_cells] = head_cells(&inputs).ok_or_else(|| {
+            let got = inputs.iter().map(|declared| shape(declared)).collect::<Vec<_>>().join(" and ");
+            unfit(head_name, format!("it takes {got}, expected the features of a template and of a larger window"))
+        })?;
+        let form = MatchingForm {
+            template: window * template_cells / window_cells,
+            window,
+            stride: window.div_ceil(window_cells),
+            cells: 0,
+        };
+        let mut networks = Self {
+            name: format!("{backbone_name} with {head_name}"),
+            backbone,
+            head,
+            form,
+            image: Vec::new(),
+            features: Default::default(),
+            answer: Default::default(),
+            swapped: false,
+            failure: None,
+        };
+        networks.try_out().map_err(|why| unfit(head_name, why))?;
+        Ok(networks)
+    }
+
+    /// What messages call them.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The sizes that the files tell.
+    pub fn form(&self) -> &MatchingForm {
+        &self.form
+    }
+
+    /// Computes the features of a template, a patch of [`MatchingForm::template`] pixels a side. Where the run fails they
+    /// are zeros.
+    pub fn learn(&mut self, patch: &Patch, template: &mut FeatureMap) {
+        let done = self.features(patch);
+        template.clone_from(&self.features[0]);
+        if done.is_err() {
+            template.data.fill(0.0);
+        }
+        self.failure = done.err();
+    }
+
+    /// Holds a template against a patch of [`MatchingForm::window`] pixels a side. Where the run fails nothing answers.
+    pub fn compare(&mut self, template: &FeatureMap, patch: &Patch) {
+        let done = self.features(patch).and_then(|()| self.answer(template));
+        if done.is_err() {
+            self.answer.iter_mut().for_each(|map| map.data.fill(0.0));
+            // As sure as can be that nothing is there.
+            let cells = self.answer[0].cells();
+            self.answer[0].data[..cells].fill(f32::MAX);
+        }
+        self.failure = done.err();
+    }
+
+    /// The last answer's logits, `2 x cells x cells`: no target, target.
+    pub fn logits(&self) -> &FeatureMap {
+        &self.answer[0]
+    }
+
+    /// The last answer's distances from each cell to the left, top, right and bottom side of a target, `4 x cells x
+    /// cells`, in pixels of the window.
+    pub fn sides(&self) -> &FeatureMap {
+        &self.answer[1]
+    }
+
+    /// Why the last run failed; `None` if it did not.
+    pub fn failure(&self) -> Option<&RunError> {
+        self.failure.as_ref()
+    }
+
+    fn features(&mut self, patch: &Patch) -> Result<(), RunError> {
+        self.image.clear();
+        planes(patch, true).for_each(|plane| self.image.extend(plane.iter().map(|&v| f32::from(v))));
+        self.backbone.run(&[Input::image(patch.width, &self.image)], &mut self.features)
+    }
+
+    fn answer(&mut self, template: &FeatureMap) -> Result<(), RunError> {
+        if self.swapped {
+            self.answer.swap(0, 1);
+        }
+        let done = self.head.run(&[Input::map(template), Input::map(&self.features[0])], &mut self.answer);
+        if self.swapped {
+            self.answer.swap(0, 1);
+        }
+        done
+    }
+
+    /// Runs both on grey images, and reads from the answer what the files do not declare.
+    fn try_out(&mut self) -> Result<(), String> {
+        let grey = |side: usize| Patch::grey(side, GREY as u8);
+        let told = |why: RunError| why.to_string();
+        let mut template = FeatureMap::default();
+        self.features(&grey(self.form.template)).map_err(told)?;
+        template.clone_from(&self.features[0]);
+        self.features(&grey(self.form.window)).map_err(told)?;
+        self.answer(&template).map_err(told)?;
+        self.swapped = self.answer[0].channels == 4;
+        if self.swapped {
+            self.answer.swap(0, 1);
+        }
+        let [logits, sides] = &self.answer;
+        let cells = logits.rows;
+        let fits = [logits, sides].iter().all(|map| [map.rows, map.cols] == [cells; 2]);
+        if !fits || [logits.channels, sides.channels] != [2, 4] || cells == 0 {
+            let size = |map: &FeatureMap| format!("{} x {} x {}", map.channels, map.rows, map.cols);
+            return Err(format!("it answers {} and {}, expected 2 x n x n and 4 x n x n", size(logits), size(sides)));
+        }
+        if self.answer.iter().flat_map(|map| &map.data).any(|v| !v.is_finite()) {
+            return Err("it gives values that are not finite".to_owned());
+        }
+        self.form.cells = cells;
+        Ok(())
+    }
+}
+
+impl fmt::Debug for MatchingNetwork {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("MatchingNetwork").field("name", &self.name).field("form", &self.form).finish_non_exhaustive()
+    }
+}
+
+/// Cells along a side of template and window, if the head declares them, and equally many channels for both.
+fn head_cells(inputs: &[Vec<Option<usize>>]) -> Option<[usize; 2]> {
+    let [template, window] = inputs else { return None };
+    let [&[_, template_channels, template_rows, template_cols], &[_, window_channels, window_rows, window_cols]] =
+        [<&[Option<usize>; 4]>::try_from(template.as_slice()).ok()?, window.as_slice().try_into().ok()?];
+    let fits = template_channels == window_channels && template_rows == template_cols && window_rows == window_cols;
+    let cells = [template_rows?, window_rows?];
+    (fits && 0 < cells[0] && cells[0] < cells[1]).then_some(cells)
+}
