@@ -1,6 +1,6 @@
 """Starts the tracker.
 
-    ros2 launch long_term_tracker tracker.launch.py image:=/camera/image_raw
+    ros2 launch long_term_tracker tracker.launch.py image:=/camera/image_raw viewer:=8080
     ros2 launch long_term_tracker tracker.launch.py namespace:=robot name:=eye preset:=paper log_level:=debug
     ros2 launch long_term_tracker tracker.launch.py --show-args
 
@@ -33,6 +33,7 @@ ARGUMENTS = [
     ("tracks", "~/tracks", "Topic of the tracks."),
     ("detections", "~/detections", "Topic of the detections for tools that speak vision_msgs."),
     ("init_roi", "~/init_roi", "Topic on which targets are marked."),
+    ("viewer", "0", "Port of the live page for a browser, on this machine; 0 serves none; wins over the parameter file."),
     ("use_sim_time", "false", "Accepted as by every node; the tracker takes its time from the images."),
     ("log_level", "info", "debug, info, warn, error or fatal."),
 ]
@@ -58,6 +59,7 @@ def generate_launch_description():
         parameters=[
             {
                 "image_transport": ParameterValue(LaunchConfiguration("image_transport"), value_type=str),
+                "viewer.port": ParameterValue(LaunchConfiguration("viewer"), value_type=int),
                 "use_sim_time": ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool),
             },
         ],

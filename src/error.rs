@@ -71,6 +71,17 @@ pub enum StartError {
     NoMark,
 }
 
+/// Why a target keeps its name.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RenameError {
+    /// There is none of this name.
+    #[error("no target {0} is followed")]
+    NoTarget(String),
+    /// Another has the name.
+    #[error("another target is called {0}")]
+    Taken(String),
+}
+
 /// Why a set of parameters was refused. The set in force stays as it was.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[expect(missing_docs, reason = "the messages name the fields")]

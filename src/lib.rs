@@ -12,7 +12,7 @@
 //!                       -> (lost: proposals -> GM-PHD -> verify)               detect, learn
 //!                       -> scale -> learn                                      appearance
 //!   -> Output           per target: id, state, box, velocity, confidence       output
-//!   -> publish | write a row or a bag | draw                                   ros, cli, record, draw
+//!   -> publish | write a row or a bag | draw | show in a browser               ros, cli, record, draw, viewer
 //! ```
 //!
 //! Live and offline differ only at the two ends, so the same frames and parameters give the same boxes.
@@ -40,6 +40,7 @@
 //! | [`loader`] | networks from their files, and what runs them |
 //! | [`decode`], [`messages`] | JPEG and PNG; ROS messages as data |
 //! | [`replay`], [`draw`], [`record`] | frames from folders and bags; debug pictures; the bag that a run leaves |
+//! | [`viewer`] | the live page: what a tracker does, in a browser, and what is asked of it there (served with the cargo feature `viewer`) |
 //! | [`eval`], [`cli`] | scores of this tracker and others, and the page that shows them; the offline commands |
 //! | `ros` | the node (cargo feature `ros`, on by default) |
 //!
@@ -88,8 +89,9 @@ pub mod ros;
 pub mod session;
 pub mod trace;
 pub mod tracker;
+pub mod viewer;
 
-pub use error::{FrameError, NetworkError, ParamsError, StartError};
+pub use error::{FrameError, NetworkError, ParamsError, RenameError, StartError};
 pub use frame::{Encoding, Frame};
 pub use geometry::Rect;
 pub use output::{Output, State, Target};

@@ -8,11 +8,12 @@
 //! may become uncertain. Stamps that cannot be those of a camera, or that there are none of, count as one frame period.
 
 mod cadence;
+mod names;
 mod zoom;
 
 use std::sync::Arc;
 
-use crate::error::StartError;
+use crate::error::{RenameError, StartError};
 use crate::features::contrast::{LEAST_CONTRAST, contrast};
 use crate::frame::Frame;
 use crate::geometry::Rect;
@@ -21,6 +22,7 @@ use crate::params::Params;
 use crate::trace::Trace;
 use crate::tracker::{self, Output, Tracker};
 use cadence::Cadence;
+use names::Names;
 use zoom::{Zoom, factors, stretched};
 
 /// A tracker with the targets it was given and the rhythm of its frames.
@@ -39,6 +41,8 @@ pub struct Session {
     zoom: Zoom,
     output: Output,
     next_id: u32,
+    /// Of targets that were renamed.
+    names: Names,
 }
 
 /// Where a target was marked.
@@ -67,6 +71,7 @@ impl Session {
             zoom: Zoom::new([1; 2]),
             output: Output::default(),
             next_id: 0,
+            names: Names::default(),
         }
     }
 
@@ -125,15 +130,25 @@ impl Session {
         if self.stopped {
             self.marks.clear();
         }
-        let is_known = self.marks.iter().any(|mark| Some(&*mark.id) == id);
+        let known = id.map(|id| self.names.known(id).to_owned());
+        let is_known = self.marks.iter().any(|mark| Some(&*mark.id) == known.as_deref());
         if most == 1 && !is_known {
             self.drop_marks();
         } else if !is_known && self.marks.len() >= most {
             return Err(StartError::Full { most });
         }
-        let id = id.map_or_else(|| (self.new_id(), false), |id| (id.into(), true));
+        let (id, named) = match (id, known) {
+            // The tracker knows another target by this name.
+            (Some(shown), Some(known)) if known == shown && self.names.is_left(shown) => {
+                let id = self.new_id();
+                self.names.set(&id, shown);
+                (id, true)
+            }
+            (_, Some(known)) => (known.into(), true),
+            (_, None) => (self.new_id(), false),
+        };
         let size = [frame.width(), frame.height()];
-        self.begin(Mark { id: id.0, named: id.1, rect, size }, frame, later, trace);
+        self.begin(Mark { id, named, rect, size }, frame, later, trace);
         self.report();
         Ok(&self.output)
     }
@@ -169,15 +184,38 @@ impl Session {
 
     /// Forgets one target; says whether there was one of this id. One that moves may be found again, under another id.
     pub fn stop_target(&mut self, id: &str) -> bool {
-        let is_known = self.output.targets.iter().any(|target| &*target.id == id);
+        let is_known = self.is_followed(id);
         if is_known && self.output.targets.len() == 1 && !self.tracker.finds() {
             self.stop();
         } else if is_known {
-            self.marks.retain(|mark| &*mark.id != id);
-            self.tracker.stop(id);
+            let id = self.names.known(id).to_owned();
+            self.marks.retain(|mark| *mark.id != *id);
+            self.tracker.stop(&id);
             self.report();
         }
         is_known
+    }
+
+    /// Calls a target otherwise from now on. Refused where there is no such target, or another has that name.
+    pub fn rename(&mut self, id: &str, to: &str) -> Result<(), RenameError> {
+        if !self.is_followed(id) {
+            return Err(RenameError::NoTarget(id.to_owned()));
+        }
+        if id == to {
+            return Ok(());
+        }
+        if self.is_followed(to) {
+            return Err(RenameError::Taken(to.to_owned()));
+        }
+        let known: Arc<str> = self.names.known(id).into();
+        self.marks.iter_mut().filter(|mark| mark.id == known).for_each(|mark| mark.named = true);
+        self.names.set(&known, to);
+        self.output.targets.iter_mut().filter(|target| *target.id == *id).for_each(|target| target.id = to.into());
+        Ok(())
+    }
+
+    fn is_followed(&self, id: &str) -> bool {
+        self.output.targets.iter().any(|target| &*target.id == id)
     }
 
     /// Takes over changed parameters from the next frame on, with the networks that they ask for: those of
@@ -197,8 +235,8 @@ impl Session {
             }
             let dt = self.cadence.advance(frame.stamp());
             let seen = self.see(frame);
-            let Self { tracker, zoom, marks, next_id, .. } = self;
-            tracker.step(&seen, dt, &mut || new_id(next_id, marks), &mut zoom.trace(trace));
+            let Self { tracker, zoom, marks, next_id, names, .. } = self;
+            tracker.step(&seen, dt, &mut || new_id(next_id, marks, names), &mut zoom.trace(trace));
             self.report();
         }
         &self.output
@@ -217,7 +255,7 @@ impl Session {
     }
 
     fn new_id(&mut self) -> Arc<str> {
-        new_id(&mut self.next_id, &self.marks)
+        new_id(&mut self.next_id, &self.marks, &self.names)
     }
 
     /// Forgets the targets that were marked; what a tracker knows besides them stays.
@@ -269,19 +307,22 @@ impl Session {
 
     fn report(&mut self) {
         self.tracker.report(&mut self.output);
+        let Self { names, marks, output, .. } = self;
+        names.retain(|id| marks.iter().any(|mark| mark.id == *id) || output.targets.iter().any(|t| t.id == *id));
         for target in &mut self.output.targets {
+            target.id = self.names.shown(&target.id).clone();
             target.velocity = target.velocity.map(|v| v * self.cadence.frame_rate());
             self.zoom.apply(target);
         }
     }
 }
 
-/// The next number that is no mark's id.
-fn new_id(next: &mut u32, marks: &[Mark]) -> Arc<str> {
+/// The next number that is no mark's id, nor another target's name.
+fn new_id(next: &mut u32, marks: &[Mark], names: &Names) -> Arc<str> {
     loop {
         let id = next.to_string();
         *next += 1;
-        if !marks.iter().any(|mark| *mark.id == *id) {
+        if !marks.iter().any(|mark| *mark.id == *id) && !names.is_taken(&id) {
             return id.into();
         }
     }

@@ -39,7 +39,7 @@ const LINKED: [&str; 12] = [
     "tree",
     "--locked",
     "--no-default-features",
-    "--features=lyrical,onnxruntime",
+    "--features=lyrical,onnxruntime,viewer",
     "--target=x86_64-unknown-linux-gnu",
     "--edges=normal,no-proc-macro",
     "--prefix=none",

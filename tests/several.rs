@@ -1,7 +1,7 @@
 //! Several targets in one session.
 
 use long_term_tracker::params::{Phase, Value};
-use long_term_tracker::{Encoding, Frame, Params, Rect, Session, StartError, Target};
+use long_term_tracker::{Encoding, Frame, Params, Rect, RenameError, Session, StartError, Target};
 
 const SIDE: usize = 32;
 const WIDTH: usize = 240;
@@ -133,4 +133,33 @@ fn a_restart_takes_up_all_that_were_followed() {
     let small = Frame::new(&small, 24, 16, 24 * 3, Encoding::Rgb8, None).unwrap();
     assert!(matches!(session.restart(&small, &mut ()), Err(StartError::TooSmall { .. })));
     assert_eq!(ids(&session), ["1", "b"], "what cannot be followed changes nothing");
+}
+
+#[test]
+fn a_renamed_target_goes_on_under_its_new_name_alone() {
+    let scenes = scenes();
+    let first = frame(&scenes[0]);
+    let [a, b] = targets(0);
+    let mut session = session(3);
+    session.start(&first, a, &mut ()).unwrap();
+    session.start(&first, b, &mut ()).unwrap();
+    assert_eq!(session.rename("7", "x").unwrap_err(), RenameError::NoTarget("7".to_owned()));
+    assert_eq!(session.rename("0", "1").unwrap_err(), RenameError::Taken("1".to_owned()));
+    session.rename("0", "walker").unwrap();
+    session.rename("1", "1").unwrap();
+    assert_eq!(ids(&session), ["walker", "1"]);
+    let before = session.output().targets[0].clone();
+    session.step(&frame(&scenes[1]), &mut ());
+    assert_eq!((ids(&session), session.output().targets[0].age), (vec!["walker", "1"], before.age + 1));
+
+    // The old name is free for another, and the new one begins its own target anew.
+    session.start_as(Some("0"), &frame(&scenes[1]), targets(1)[0], &mut ()).unwrap();
+    assert_eq!(ids(&session), ["walker", "1", "0"]);
+    session.start_as(Some("walker"), &frame(&scenes[1]), targets(1)[0], &mut ()).unwrap();
+    assert_eq!(ids(&session), ["1", "0", "walker"]);
+    assert!(session.stop_target("0") && !session.stop_target("0"));
+    assert_eq!(ids(&session), ["1", "walker"]);
+    session.stop();
+    session.restart(&first, &mut ()).unwrap();
+    assert!(ids(&session).contains(&"walker"), "{:?}", ids(&session));
 }

@@ -2,9 +2,13 @@
 //! runs and exits.
 
 pub mod evaluate;
+#[cfg(feature = "viewer")]
+pub mod player;
 pub mod rows;
 pub mod timing;
 pub mod track;
+#[cfg(feature = "viewer")]
+pub mod view;
 
 use std::fmt::Display;
 use std::io::{self, Write};
@@ -21,6 +25,7 @@ use crate::eval::worlds::WorldsError;
 use crate::params::{Assignment, NodeName, Params, Phase, Value, file};
 use crate::record::RecordError;
 use crate::replay::ReplayError;
+use crate::viewer::ListenError;
 
 /// Why a command did not do what it was asked for.
 #[derive(Debug, thiserror::Error)]
@@ -68,6 +73,9 @@ pub enum Error {
     /// A result cannot be written.
     #[error("{to}: cannot be written: {why}")]
     Write { to: String, why: String },
+    /// The live page cannot be served.
+    #[error(transparent)]
+    Viewer(ListenError),
     /// Not every sequence was run to its end; each was reported.
     #[error("{failed} of {runs} runs failed")]
     Sequences { failed: usize, runs: usize },

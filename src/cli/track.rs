@@ -10,17 +10,25 @@ use clap::Parser;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ImageEncoder, RgbImage, imageops};
 
+#[cfg(feature = "viewer")]
+use super::player::{Player, Recording};
 use super::timing::{StageClock, per_second};
+#[cfg(feature = "viewer")]
+use super::view;
 use super::{Error, params, progress, rows, tell};
 use crate::draw::{self, Scene};
 use crate::frame::Frame;
 use crate::geometry::Rect;
 use crate::loader::FailureLog;
+#[cfg(feature = "viewer")]
+use crate::params::Params;
 use crate::params::{Algorithm, Assignment, assignment};
 use crate::record::Recorder;
 use crate::replay::{self, FrameSource, truth};
 use crate::session::Session;
 use crate::tracker::Output;
+#[cfg(feature = "viewer")]
+use crate::viewer::Hub;
 
 /// Follow a target through recorded frames.
 ///
@@ -62,6 +70,11 @@ pub struct Args {
     /// and /tracker/annotations (for Foxglove's image panel).
     #[arg(long, value_name = "FILE.mcap")]
     bag: Option<PathBuf>,
+    /// Serves the live page over the frames instead, at viewer.port or any free port: mark, play, tune and run again
+    /// in a browser. The page saves rows and, where --bag names a file, the bag.
+    #[cfg(feature = "viewer")]
+    #[arg(long, conflicts_with_all = ["output", "annotate"])]
+    view: bool,
 }
 
 /// Runs the command to the end of the frames.
@@ -70,6 +83,10 @@ pub fn run(args: &Args) -> Result<(), Error> {
     let mut source = replay::open(&args.source, args.topic.as_deref(), &params.limits).map_err(Error::Source)?;
     source.notes().iter().for_each(|note| log::warn!("{note}"));
     let finds = params.general.algorithm == Algorithm::Maptrack;
+    #[cfg(feature = "viewer")]
+    if args.view {
+        return view(args, source, params);
+    }
     let target = match target(args, source.as_ref()) {
         Err(Error::NoTarget(_)) if finds => None,
         target => Some(target?),
@@ -129,6 +146,19 @@ pub fn run(args: &Args) -> Result<(), Error> {
     let noted: String = source.notes().iter().map(|note| format!("; mind: {note}")).collect();
     tell(format_args!("{}; {:.1} with reading and writing{noted}", watch.0, per_second(frames, begun.elapsed())));
     Ok(())
+}
+
+/// Shows the frames on the live page.
+#[cfg(feature = "viewer")]
+fn view(args: &Args, source: Box<dyn FrameSource>, params: Params) -> Result<(), Error> {
+    let target = match target(args, source.as_ref()) {
+        Err(Error::NoTarget(_)) => None,
+        target => Some(target?.0),
+    };
+    let hub = Hub::keeping(view::SAMPLES);
+    let recording = Recording { path: args.source.clone(), topic: args.topic.clone() };
+    let player = Player::new(recording, source, params, hub.clone())?;
+    view::run(player, &hub, &args.source.display().to_string(), target, args.bag.clone())
 }
 
 /// The target's box on the first frame, and what it was taken from.

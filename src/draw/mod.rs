@@ -13,7 +13,7 @@ use image::{Rgb, RgbImage};
 pub use scene::Scene;
 
 use crate::crop::{Cropper, Patch};
-use crate::frame::Frame;
+use crate::frame::{Frame, Plane};
 use crate::geometry::Rect;
 use crate::trace::ResponseMap;
 use crate::tracker::{Output, State, Target};
@@ -56,7 +56,7 @@ const VIRIDIS: [[u8; 3]; 9] = [
 /// heavier) and the box of each target (green: tracking, amber: uncertain, red: lost) with a line that gives its state,
 /// confidence and id. Thickness and text grow with the picture, of which no side is longer than `max_side` pixels.
 pub fn annotated(frame: &Frame, output: &Output, scene: &Scene, max_side: u32) -> RgbImage {
-    let mut image = rgb(frame, max_side);
+    let mut image = picture(frame, max_side);
     let place = placing(frame, &image);
     let pen = Pen::for_image(&image);
     for window in &scene.search_windows {
@@ -92,7 +92,7 @@ pub fn annotated(frame: &Frame, output: &Output, scene: &Scene, max_side: u32) -
 /// the step made none, the darkened frame alone. Where a target showed the images that its response is made of, they
 /// are below, one beside the other after the target's region. No side is longer than `max_side` pixels.
 pub fn response(frame: &Frame, scene: &Scene, max_side: u32) -> RgbImage {
-    let mut image = rgb(frame, max_side);
+    let mut image = picture(frame, max_side);
     let place = placing(frame, &image);
     let dimmed: [u8; 256] = std::array::from_fn(|v| (v as f64 * DIMMED) as u8);
     let maps: Vec<_> = scene.maps().map(|map| ResponseMap { window: place(&map.window), ..map }).collect();
@@ -160,16 +160,30 @@ pub fn heading(image: &mut RgbImage, text: &str) {
 }
 
 /// The frame as RGB, whatever its encoding and step, scaled down where a side is longer than `max_side` pixels.
-fn rgb(frame: &Frame, max_side: u32) -> RgbImage {
+pub fn picture(frame: &Frame, max_side: u32) -> RgbImage {
     let longest = frame.width().max(frame.height());
     if longest <= max_side {
-        return RgbImage::from_fn(frame.width(), frame.height(), |x, y| Rgb(frame.rgb(x as usize, y as usize)));
+        return whole(frame);
     }
     let side = |side: u32| (u64::from(side) * u64::from(max_side) / u64::from(longest)).max(1) as u32;
     let (width, height) = (side(frame.width()), side(frame.height()));
     let mut patch = Patch::default();
     Cropper::default().crop(frame, &frame.bounds(), width as usize, height as usize, &mut patch);
     RgbImage::from_fn(width, height, |x, y| Rgb(patch.rgb(x as usize, y as usize)))
+}
+
+/// All pixels of the frame as RGB, read row by row.
+fn whole(frame: &Frame) -> RgbImage {
+    let mut image = RgbImage::new(frame.width(), frame.height());
+    let mut line = vec![0.0; frame.width() as usize];
+    for (y, row) in image.chunks_exact_mut(3 * line.len()).enumerate() {
+        for (channel, plane) in Plane::COLOURS.into_iter().enumerate() {
+            frame.line(y, 0, plane, &mut line);
+            // To the nearest; a cast alone would cut off.
+            row.iter_mut().skip(channel).step_by(3).zip(&line).for_each(|(to, from)| *to = (from + 0.5) as u8);
+        }
+    }
+    image
 }
 
 /// From boxes in the frame to boxes in a picture of it.
@@ -303,7 +317,7 @@ mod tests {
         let named = annotated(&frame(&data), &Output::default(), &scene, FULL);
         assert!(extent(&image, DARK).is_none() && extent(&named, DARK).is_some(), "the mode is written");
         scene.clear();
-        assert_eq!(annotated(&frame(&data), &Output::default(), &scene, FULL), rgb(&frame(&data), FULL));
+        assert_eq!(annotated(&frame(&data), &Output::default(), &scene, FULL), picture(&frame(&data), FULL));
     }
 
     #[test]

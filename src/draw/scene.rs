@@ -8,14 +8,14 @@ use crate::trace::{Cues, Event, Proposal, ResponseMap, Trace};
 /// What one step shows of itself, of all targets. Clear it before each step; its buffers are reused.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    pub(super) search_windows: Vec<Rect>,
-    pub(super) predictions: Vec<Rect>,
-    pub(super) proposals: Vec<Proposal>,
-    pub(super) neighbours: Vec<Rect>,
+    pub(crate) search_windows: Vec<Rect>,
+    pub(crate) predictions: Vec<Rect>,
+    pub(crate) proposals: Vec<Proposal>,
+    pub(crate) neighbours: Vec<Rect>,
     /// Boxes with their weights.
-    pub(super) particles: Vec<(Rect, f64)>,
+    pub(crate) particles: Vec<(Rect, f64)>,
     /// Names with the windows that they are of.
-    pub(super) modes: Vec<(&'static str, Rect)>,
+    pub(crate) modes: Vec<(&'static str, Rect)>,
     /// The images of the first target that showed them.
     pub(super) cues: Option<KeptCues>,
     maps: Vec<MapShape>,
@@ -61,7 +61,7 @@ impl Scene {
 
 impl Scene {
     /// The response maps that cover anything.
-    pub(super) fn maps(&self) -> impl Iterator<Item = ResponseMap<'_>> {
+    pub(crate) fn maps(&self) -> impl Iterator<Item = ResponseMap<'_>> {
         let shown = self.maps.iter().filter(|map| map.rows > 0 && map.cols > 0 && map.window.area() > 0.0);
         shown.map(|map| ResponseMap {
             values: &self.values[map.values.clone()],

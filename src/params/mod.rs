@@ -34,7 +34,7 @@ pub use schema::*;
 pub(crate) use table::Group;
 pub use tier::Tier;
 pub use value::{Descriptor, Range, Value, ValueKind};
-pub use yaml::{Assignment, assignment, file, preset};
+pub use yaml::{Assignment, assignment, changed_preset, file, preset};
 
 use crate::error::ParamsError;
 

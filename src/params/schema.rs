@@ -101,7 +101,16 @@ group! {
     pub struct Debug at "debug." {
         max_side: i64 = 208, in 16..=4096, unit "px"; "Largest side of raw debug images; larger frames are scaled down, for default DDS peers lose images of more than 130 KB."
         compressed_max_side: i64 = 640, in 16..=65536, unit "px"; "Largest side of compressed debug images; larger frames are scaled down."
-        jpeg_quality: i64 = 80, in 1..=100; "JPEG quality of compressed debug images."
+        jpeg_quality: i64 = 80, in 1..=100; "JPEG quality of compressed debug images, and of the live page's pictures."
+    }
+}
+
+group! {
+    /// The live page.
+    pub struct ViewerParams at "viewer." {
+        port: i64 = 0, in 0..=65535, needs Restart, is Basic; "Port of the live page, on which targets are marked, watched and tuned in a browser; 0 serves none."
+        address: String = "127.0.0.1", needs Restart; "IP address on which the live page is served; 0.0.0.0 opens it to other machines, which then need a token."
+        token: String = "", needs Restart; "What a browser must show to use the live page: at least 16 letters and digits. Empty: off loopback one is made and told in the log, on loopback none is asked for."
     }
 }
 
@@ -118,6 +127,8 @@ groups! {
         limits: Limits,
         /// Debug images.
         debug: Debug,
+        /// The live page.
+        viewer: ViewerParams,
         /// LCMHT.
         lcmht: LcmhtParams,
         /// ETEPF.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::node_name::NodeName;
 use super::rcl::{Overrides, PARAMETERS_KEY};
-use super::value::Value;
+use super::value::{Descriptor, Value};
 use super::{Group as _, Need, Params, Tier};
 use crate::error::{ParamsError, YamlError};
 
@@ -31,11 +31,20 @@ pub fn file(path: &Path, node: &NodeName) -> Result<Vec<Assignment>, ParamsError
 /// A parameter file for every node that sets each parameter to its value in `params`, with what the parameter
 /// means above each.
 pub fn preset(params: &Params, title: &str) -> String {
+    written(params, title, |_| true)
+}
+
+/// The same with those parameters alone that are not at their default.
+pub fn changed_preset(params: &Params, title: &str) -> String {
+    written(params, title, |d| params.get(d.name).as_ref() != Some(&d.default))
+}
+
+fn written(params: &Params, title: &str, is_wanted: impl Fn(&Descriptor) -> bool) -> String {
     let mut text = format!("# {title}\n/**:\n  {PARAMETERS_KEY}:\n");
     let mut open: Vec<&str> = Vec::new();
     let mut all = Vec::new();
     Params::describe(&mut all);
-    for d in &all {
+    for d in all.iter().filter(|d| is_wanted(d)) {
         let mut groups: Vec<&str> = d.name.split('.').collect();
         let Some(leaf) = groups.pop() else { continue };
         let shared = open.iter().zip(&groups).take_while(|(a, b)| a == b).count();
@@ -49,11 +58,16 @@ pub fn preset(params: &Params, title: &str) -> String {
         let _ = writeln!(text, "{indent}{leaf}: {value}");
         open = groups;
     }
+    // A mapping without entries would be none.
+    if open.is_empty() && text.ends_with(":\n") {
+        text.truncate(text.len() - 1);
+        text.push_str(" {}\n");
+    }
     text
 }
 
 /// What a reader must know besides the description: ` [range, unit, what a change needs, ablation]`.
-fn about(d: &super::Descriptor) -> String {
+fn about(d: &Descriptor) -> String {
     let mut notes: Vec<String> = d.range.iter().map(ToString::to_string).collect();
     if !d.choices.is_empty() {
         notes.push(d.choices.join(" | "));
@@ -117,5 +131,18 @@ mod tests {
         assert_eq!(rows.len(), descriptors().len());
         let back = Params::default().with(rows.iter().map(|(n, v)| (n.as_str(), v)), Phase::StartUp).unwrap();
         assert_eq!(back, changed);
+    }
+
+    #[test]
+    fn what_was_changed_is_written_alone_and_reads_back() {
+        let rows = [("seed", Value::Integer(9)), ("debug.max_side", Value::Integer(99))];
+        let changed = Params::default().with(rows.iter().map(|(n, v)| (*n, v)), Phase::StartUp).unwrap();
+        let mut text = tempfile::NamedTempFile::new().unwrap();
+        text.write_all(changed_preset(&changed, "Test.").as_bytes()).unwrap();
+        let back = file(text.path(), &NodeName::default()).unwrap();
+        assert_eq!(back, rows.map(|(n, v)| (n.to_owned(), v)));
+        text.as_file().set_len(0).unwrap();
+        std::fs::write(text.path(), changed_preset(&Params::default(), "None.")).unwrap();
+        assert_eq!(file(text.path(), &NodeName::default()).unwrap(), []);
     }
 }

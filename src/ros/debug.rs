@@ -1,4 +1,5 @@
-//! The debug thread: draws what the tracker saw and did, and publishes it, raw and as JPEG, while somebody looks.
+//! The debug thread: draws what the tracker saw and did, and publishes it, raw and as JPEG, while somebody looks; and
+//! makes the pictures of the live page.
 
 use std::borrow::Cow;
 use std::collections::VecDeque;
@@ -20,6 +21,7 @@ use crate::draw::{self, Scene};
 use crate::frame::Levels;
 use crate::params::Debug;
 use crate::tracker::Output;
+use crate::viewer::{Hub, View};
 
 /// Frames that are recorded, wait or are drawn at the same time. More than one, so that one that takes long delays the
 /// next instead of losing it.
@@ -45,7 +47,7 @@ pub struct Job {
 
 #[derive(Default)]
 struct Queue {
-    /// What waits to be drawn: at most as many as there are scenes.
+    /// What waits to be drawn: at most as many as there are scenes, and a few moments.
     jobs: VecDeque<Job>,
     /// Those of the [`SCENES`] in which no frame is recorded or drawn.
     scenes: Vec<Scene>,
@@ -57,6 +59,7 @@ struct Shared {
     changed: Condvar,
     image: DebugView,
     response: DebugView,
+    page: Option<Hub>,
 }
 
 impl Shared {
@@ -113,25 +116,29 @@ impl DebugView {
 pub struct Feed(Arc<Shared>);
 
 impl Feed {
-    /// A feed for the two pictures.
-    pub fn new(image: DebugView, response: DebugView) -> Self {
+    /// A feed for the two pictures and, where there is one, the live page.
+    pub fn new(image: DebugView, response: DebugView, page: Option<Hub>) -> Self {
         let queue = Queue { scenes: vec![Scene::default(); SCENES], ..Queue::default() };
-        Self(Arc::new(Shared { queue: Mutex::new(queue), changed: Condvar::new(), image, response }))
+        Self(Arc::new(Shared { queue: Mutex::new(queue), changed: Condvar::new(), image, response, page }))
     }
 
     /// A scene to record the next frame in, if somebody looks and the thread keeps up.
     pub fn scene(&self) -> Option<Scene> {
-        let Shared { image, response, .. } = &*self.0;
-        let looked_at = [image, response].into_iter().any(|view| view.wanted() != [false; 2]);
+        let Shared { image, response, page, .. } = &*self.0;
+        let looked_at = [image, response].into_iter().any(|view| view.wanted() != [false; 2])
+            || page.as_ref().is_some_and(Hub::wants);
         looked_at.then(|| self.0.lock().scenes.pop()).flatten().map(|mut scene| {
             scene.clear();
             scene
         })
     }
 
-    /// Gives back a scene in which nothing was recorded.
+    /// Gives back a scene in which nothing was recorded; those of moments are more than are kept.
     pub fn keep(&self, scene: Scene) {
-        self.0.lock().scenes.push(scene);
+        let mut queue = self.0.lock();
+        if queue.scenes.len() < SCENES {
+            queue.scenes.push(scene);
+        }
     }
 
     /// Hands over a recorded frame.
@@ -163,9 +170,13 @@ impl Feed {
     }
 
     fn draw(&self, job: &Job) -> Result<(), Fault> {
-        let Shared { image, response, .. } = &*self.0;
+        let Shared { image, response, page, .. } = &*self.0;
         let Job { output, scene, debug, .. } = job;
         let (frame, header) = (job.frame.frame().with_levels(job.levels), job.frame.header());
+        if let Some(page) = page {
+            let view = View { frame, stamp: frame.stamp(), output, scene, quality: debug.jpeg_quality as u8 };
+            page.show(&view).map_err(|e| Fault::system("make a picture for the live page", e))?;
+        }
         image.publish(|side| draw::annotated(&frame, output, scene, side), header, debug)?;
         response.publish(|side| draw::response(&frame, scene, side), header, debug)
     }

@@ -14,6 +14,7 @@ use super::env::{buffer_warning, receive_buffer_limit};
 use super::fault::Fault;
 use super::messages::{DiagnosticArray, DiagnosticStatus, Header, KeyValue, Time};
 use super::stats::Stats;
+use crate::viewer::{self, Hub};
 
 /// From one message to the next.
 const PERIOD: Duration = Duration::from_secs(1);
@@ -28,6 +29,7 @@ pub struct Diagnostics {
     node: String,
     image_topic: String,
     stats: Arc<Stats>,
+    page: Option<Hub>,
 }
 
 /// The counts at one time.
@@ -61,12 +63,18 @@ impl Counts {
 
 impl Diagnostics {
     /// Makes the topic.
-    pub fn new(endpoints: &mut Endpoints, image_topic: &Name, stats: Arc<Stats>) -> Result<Self, Fault> {
+    pub fn new(
+        endpoints: &mut Endpoints,
+        image_topic: &Name,
+        stats: Arc<Stats>,
+        page: Option<Hub>,
+    ) -> Result<Self, Fault> {
         Ok(Self {
             publisher: endpoints.publisher("/diagnostics")?,
             node: endpoints.names.node().full(),
             image_topic: image_topic.to_string(),
             stats,
+            page,
         })
     }
 
@@ -82,6 +90,9 @@ impl Diagnostics {
                 targets(self.stats.targets(), &latency, &last, &now),
                 network(receive_buffer_limit(), buffer_warning()),
             ];
+            if let Some(page) = &self.page {
+                page.report(status.iter().map(Part::shown));
+            }
             let status = status.into_iter().map(|part| part.of(&self.node)).collect();
             let header = Header { stamp: Time::from_nanos(clock::now().to_nanos()), frame_id: String::new() };
             if let Err(why) = self.publisher.publish(DiagnosticArray { header, status }) {
@@ -101,6 +112,17 @@ struct Part {
 }
 
 impl Part {
+    /// As the live page shows it.
+    fn shown(&self) -> viewer::Part {
+        let value = |(key, value): &(&str, String)| ((*key).to_owned(), value.clone());
+        viewer::Part {
+            name: self.name.to_owned(),
+            level: self.level,
+            message: self.message.clone(),
+            values: self.values.iter().map(value).collect(),
+        }
+    }
+
     fn of(self, node: &str) -> DiagnosticStatus {
         let value = |(key, value): (&str, String)| KeyValue { key: key.to_owned(), value };
         DiagnosticStatus {

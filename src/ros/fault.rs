@@ -4,6 +4,7 @@ use std::io::{self, Write};
 use std::process::ExitCode;
 
 use crate::error::{NetworkError, ParamsError};
+use crate::viewer::ListenError;
 
 /// A reason to end the process. Each message is one line that holds the value at fault.
 #[derive(Debug, thiserror::Error)]
@@ -24,6 +25,9 @@ pub enum Fault {
     /// The network that the parameters name cannot be used.
     #[error(transparent)]
     Network(#[from] NetworkError),
+    /// The live page cannot be served.
+    #[error(transparent)]
+    Viewer(#[from] ListenError),
     /// DDS or the operating system refused something.
     #[error("cannot {what}: {why}")]
     System { what: String, why: String },

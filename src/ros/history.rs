@@ -20,6 +20,8 @@ pub struct ImageHistory {
     frames: VecDeque<Arc<Received>>,
     bytes: usize,
     limits: params::HistoryParams,
+    /// Frames that pages of the live page show while they stand still, one a page, beside those limits.
+    held: Vec<(u64, Arc<Received>)>,
 }
 
 impl ImageHistory {
@@ -36,6 +38,7 @@ impl ImageHistory {
         let goes_back = |last: &Arc<Received>| last.frame().stamp() > Some(stamp.saturating_add(MOST_BACK));
         if self.frames.back().is_some_and(goes_back) {
             self.frames.clear();
+            self.held.clear();
             self.bytes = 0;
         }
         self.bytes += frame.bytes();
@@ -43,9 +46,28 @@ impl ImageHistory {
         self.shrink();
     }
 
-    /// The frames that are kept.
+    /// The frames that are kept, the oldest first; what lies between one that is held and the next may be gone.
     pub fn frames(&self) -> impl Iterator<Item = &Arc<Received>> {
-        self.frames.iter()
+        let is_gone = |held: &Arc<Received>| !self.frames.iter().any(|kept| Arc::ptr_eq(kept, held));
+        let mut held: Vec<_> = self.held.iter().map(|(_, frame)| frame).filter(|frame| is_gone(frame)).collect();
+        held.sort_by_key(|frame| frame.frame().stamp());
+        held.dedup_by(|a, b| Arc::ptr_eq(a, b));
+        held.into_iter().chain(&self.frames)
+    }
+
+    /// Keeps the frame of this stamp for the page until it is released, in the place of one that was held for it.
+    pub fn hold(&mut self, page: u64, stamp: Stamp) -> Result<(), String> {
+        let Some(wanted) = stamp else { return Err("the images bear no stamps".to_owned()) };
+        let frame = self.frames().find(|frame| frame.frame().stamp() == stamp).cloned();
+        let frame = frame.ok_or_else(|| format!("no image of {} is kept", told(wanted)))?;
+        self.release(page);
+        self.held.push((page, frame));
+        Ok(())
+    }
+
+    /// Keeps no frame for the page any more.
+    pub fn release(&mut self, page: u64) {
+        self.held.retain(|(other, _)| *other != page);
     }
 
     /// The newest of them.
@@ -153,6 +175,24 @@ mod tests {
         [s + 10, s + 20, s + 20, s + 30, 5, 0, 6].iter().for_each(|n| history.push(&frame(*n)));
         assert_eq!(stamps(history.frames()), [5, 6]);
         assert_eq!(history.bytes, 1_000_000);
+    }
+
+    #[test]
+    fn a_frame_that_is_held_stays_until_it_is_released_or_the_stream_begins_anew() {
+        let mut history = history(2, 64);
+        (1..=2).for_each(|n| history.push(&frame(n)));
+        history.hold(7, Some(1)).unwrap();
+        (3..=9).for_each(|n| history.push(&frame(n)));
+        assert_eq!(stamps(history.frames()), [1, 8, 9]);
+        history.hold(8, Some(1)).unwrap();
+        history.hold(7, Some(8)).unwrap();
+        assert_eq!(stamps(history.frames()), [1, 8, 9], "one a page");
+        history.release(8);
+        assert_eq!(stamps(history.frames()), [8, 9]);
+        assert_eq!(history.hold(8, Some(1)).unwrap_err(), "no image of 0.000000001 is kept");
+        assert!(history.hold(8, None).is_err());
+        history.push(&frame(-2 * MOST_BACK));
+        assert_eq!(stamps(history.frames()), [-2 * MOST_BACK]);
     }
 
     /// The clock of a camera that is stamped when its images are read goes back and stands: each can be named all the

@@ -142,6 +142,16 @@ impl Inbox {
         self.lock().history.frames().cloned().collect()
     }
 
+    /// Keeps the image of this stamp for a page of the live page, so that it can be marked however late.
+    pub fn hold(&self, page: u64, stamp: Stamp) -> Result<(), String> {
+        self.lock().history.hold(page, stamp)
+    }
+
+    /// Keeps no image for that page any more.
+    pub fn release(&self, page: u64) {
+        self.lock().history.release(page);
+    }
+
     /// Ends the worker's waiting for good.
     pub fn close(&self) {
         // Under the lock, so that no wait can begin between the flag and the notice.

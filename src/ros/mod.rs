@@ -13,6 +13,7 @@
 //! | worker | [`worker`] | the inbox: the newest image and commands; steps the session, publishes tracks |
 //! | debug | [`debug`] | a frame to draw, which the worker hands over only while somebody looks |
 //! | spin | [`graph`], [`commands`], [`parameter_services`], [`service`], [`diagnostics`], [`clock`] | other nodes, marks, service calls, a clock |
+//! | viewer | [`page`] | browsers that show the live page, where there is one |
 //! | supervisor | [`supervisor`] | signals, the end of any thread, a clock; looks after memory, ends a process that hangs |
 //!
 //! [`queue`] and [`budget`] say which marks the worker obeys and when, so that images win. [`history`] keeps the frames
@@ -39,6 +40,7 @@ pub mod log_file;
 pub mod logging;
 pub mod names;
 pub mod node;
+pub mod page;
 pub mod parameter_services;
 pub mod parameters;
 pub mod part;

@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
+use futures::FutureExt as _;
 use log::{error, info, warn};
 use ros2_client::{Name, Node};
 use smol::channel::{Receiver, Sender, bounded};
@@ -21,6 +22,7 @@ use super::inbox::Inbox;
 use super::intake::Intake;
 use super::logging;
 use super::names::Names;
+use super::page::LivePage;
 use super::parameter_services::ParameterServices;
 use super::parameters::{NodeSettings, Store};
 use super::part::{Part, first_to_end};
@@ -54,8 +56,9 @@ pub fn run(args: Args) -> Result<(), Fault> {
     };
     let loaded = Loaded::new(&settings.params)?;
     let name = names.node().full();
+    let core = Core::new(settings, loaded, &name)?;
     let endpoints = Endpoints::new(environment.context()?, names)?;
-    let threads = Threads::start(endpoints, &source_topic, settings, loaded, &supervisor)?;
+    let threads = Threads::start(endpoints, &source_topic, core, &supervisor)?;
     info!("{name} waits for images on {source_topic}");
     let reason = supervisor.wait();
     if let Err(fault) = &reason {
@@ -63,6 +66,24 @@ pub fn run(args: Args) -> Result<(), Fault> {
     }
     threads.stop();
     reason
+}
+
+/// What there is of the node before it is seen by others.
+struct Core {
+    inbox: Arc<Inbox>,
+    session: Session,
+    store: Arc<Store>,
+    page: Option<LivePage>,
+}
+
+impl Core {
+    fn new(settings: NodeSettings, loaded: Loaded, name: &str) -> Result<Self, Fault> {
+        let inbox = Arc::new(Inbox::new(&settings.params));
+        let session = Session::with_networks(settings.params.clone(), loaded.networks());
+        let store = Arc::new(Store::new(settings, loaded));
+        let page = LivePage::open(name, &inbox, &store)?;
+        Ok(Self { inbox, session, store, page })
+    }
 }
 
 /// The running threads, and how to end them.
@@ -77,25 +98,22 @@ struct Threads {
 }
 
 impl Threads {
-    fn start(
-        mut endpoints: Endpoints,
-        topic: &Name,
-        settings: NodeSettings,
-        loaded: Loaded,
-        supervisor: &Supervisor,
-    ) -> Result<Self, Fault> {
-        let (inbox, stats) = (Arc::new(Inbox::new(&settings.params)), Arc::new(Stats::default()));
+    fn start(mut endpoints: Endpoints, topic: &Name, core: Core, supervisor: &Supervisor) -> Result<Self, Fault> {
+        let (Core { inbox, session, store, page }, stats) = (core, Arc::new(Stats::default()));
+        let settings = store.current();
         let (open, closed) = bounded(1);
         let qos = settings.image_qos();
+        let transport = settings.params.general.image_transport;
+        let most = settings.params.limits.image_bytes();
+        let hub = page.as_ref().map(|page| page.hub.clone());
         let packed = Arc::new(Slot::default());
         let decoder = Decoder {
             slot: packed.clone(),
             intake: Intake::new(inbox.clone(), stats.clone(), topic.to_string()),
-            most: settings.params.limits.image_bytes(),
+            most,
         };
-        let is_packed = settings.params.general.image_transport == ImageTransport::Compressed;
         let receive = Receive {
-            source: match settings.params.general.image_transport {
+            source: match transport {
                 ImageTransport::Raw => ImageSource::Raw(endpoints.images(topic, qos)?),
                 ImageTransport::Compressed => ImageSource::Compressed(endpoints.images(topic, qos)?, packed.clone()),
             },
@@ -104,24 +122,32 @@ impl Threads {
             context: endpoints.context.clone(),
             inbox: inbox.clone(),
             stats: stats.clone(),
+            page: hub.clone(),
             end: closed.clone(),
         };
-        let session = Session::with_networks(settings.params.clone(), loaded.networks());
-        let store = Arc::new(Store::new(settings, loaded));
+        let (listening, changes) = page.map(|page| (page.listening, (page.hub, page.changes))).unzip();
         let tracks = endpoints.publisher("~/tracks")?;
         let detections = endpoints.publisher("~/detections")?;
         let views =
             (DebugView::new(&mut endpoints, "~/debug/image")?, DebugView::new(&mut endpoints, "~/debug/response")?);
         let commands = Commands::new(&mut endpoints, inbox.clone())?;
-        let parameters = ParameterServices::new(&mut endpoints, store.clone(), inbox.clone())?;
-        let diagnostics = Diagnostics::new(&mut endpoints, topic, stats.clone())?;
+        let parameters = ParameterServices::new(&mut endpoints, store.clone(), inbox.clone(), changes)?;
+        let diagnostics = Diagnostics::new(&mut endpoints, topic, stats.clone(), hub.clone())?;
         let graph = Graph::new(&mut endpoints)?;
         logging::to_rosout(endpoints.node.logging_handle());
         let node = Arc::new(Mutex::new(endpoints.node));
         let sim_time = SimTime { node: node.clone(), store };
-        let feed = Feed::new(views.0, views.1);
-        let worker =
-            Worker { inbox: inbox.clone(), session, tracks, detections, debug: feed.clone(), stats: stats.clone() };
+        let feed = Feed::new(views.0, views.1, hub.clone());
+        let worker = Worker {
+            inbox: inbox.clone(),
+            session,
+            tracks,
+            detections,
+            debug: feed.clone(),
+            page: hub,
+            stats: stats.clone(),
+        };
+        let ended = closed.clone();
         let spin = move || {
             let mut parts = vec![
                 Part::new("discovery", graph.watch()),
@@ -150,7 +176,13 @@ impl Threads {
                 None
             })?,
         ];
-        if is_packed {
+        if let Some(listening) = listening {
+            handles.push(supervisor.spawn("viewer", move || {
+                listening.run(until(&ended).map(drop));
+                None
+            })?);
+        }
+        if transport == ImageTransport::Compressed {
             handles.push(supervisor.spawn("decode", move || {
                 decoder.run();
                 None

@@ -17,17 +17,20 @@ use ros2_client::rcl_interfaces::{
     SetParametersAtomicallyResponse, SetParametersRequest, SetParametersResponse,
 };
 use ros2_client::{Publisher, ServiceTypeName};
+use smol::channel::Receiver;
 
 use super::clock;
 use super::endpoints::Endpoints;
 use super::fault::Fault;
 use super::inbox::Inbox;
 use super::logging::{Throttle, held_back};
+use super::page;
 use super::parameters::{Change, NodeSettings, Store};
 use super::part::Part;
 use super::service::Service;
 use crate::error::ParamsError;
 use crate::params::{self, Assignment, Range, Value, ValueKind};
+use crate::viewer::{Event, Hub};
 
 /// The services, and where what they set goes.
 pub struct ParameterServices {
@@ -41,6 +44,7 @@ pub struct ParameterServices {
     node: String,
     store: Arc<Store>,
     inbox: Arc<Inbox>,
+    page: Option<(Hub, Receiver<page::Change>)>,
     throttle: RefCell<Throttle<Told>>,
 }
 
@@ -65,8 +69,13 @@ fn few(names: &[String]) -> &[String] {
 }
 
 impl ParameterServices {
-    /// Offers the services.
-    pub fn new(endpoints: &mut Endpoints, store: Arc<Store>, inbox: Arc<Inbox>) -> Result<Self, Fault> {
+    /// Offers the services, and obeys the live page where there is one.
+    pub fn new(
+        endpoints: &mut Endpoints,
+        store: Arc<Store>,
+        inbox: Arc<Inbox>,
+        page: Option<(Hub, Receiver<page::Change>)>,
+    ) -> Result<Self, Fault> {
         let kind = |name| ServiceTypeName::new("rcl_interfaces", name);
         let topic = endpoints.context.get_parameter_events_topic();
         let events = endpoints.node.create_publisher(&topic, None);
@@ -81,6 +90,7 @@ impl ParameterServices {
             node: endpoints.names.node().full(),
             store,
             inbox,
+            page,
             throttle: RefCell::default(),
         })
     }
@@ -108,7 +118,21 @@ impl ParameterServices {
             Part::new("the service describe_parameters", self.describe.serve(move |q| ready(describe(q)))),
             Part::new("the service set_parameters", self.set.serve(set)),
             Part::new("the service set_parameters_atomically", self.set_atomically.serve(set_atomically)),
+            Part::new("parameters from the live page", self.obey_page()),
         ]
+    }
+
+    /// Makes the changes that are asked for on the live page, for ever.
+    async fn obey_page(&self) {
+        if let Some((_, changes)) = &self.page {
+            while let Ok(page::Change { assignment: (name, value), answer }) = changes.recv().await {
+                let change = raw::Parameter { name, value: to_raw(Some(&value)) };
+                let result = self.change(vec![change]).await;
+                // A page that has gone away needs no answer.
+                let _ = answer.try_send(if result.successful { Ok(()) } else { Err(result.reason) });
+            }
+        }
+        std::future::pending().await
     }
 
     async fn change_each(&self, changes: Vec<raw::Parameter>) -> Vec<raw::SetParametersResult> {
@@ -176,6 +200,12 @@ impl ParameterServices {
     fn publish(&self, changes: Vec<Assignment>) {
         for (name, value) in &changes {
             self.tell(Level::Info, Told::Changed(name.clone()), format_args!("parameter {name} is now {value}"));
+            if let Some((hub, _)) = &self.page {
+                hub.tell(None, Event::Set { name: name.clone(), value: value.to_string() });
+            }
+        }
+        if let Some((hub, _)) = &self.page {
+            hub.params_changed();
         }
         let changed = changes.into_iter().map(|(name, value)| raw::Parameter { name, value: to_raw(Some(&value)) });
         let event = raw::ParameterEvent {

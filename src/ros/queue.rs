@@ -14,7 +14,7 @@ use smol::channel::Sender;
 use super::convert::{Mark, Start};
 use super::messages::TriggerResponse;
 
-/// Stops by id that wait at the same time: no more targets than that can be followed.
+/// Stops by id that wait at the same time, and new names: no more targets than that can be followed.
 const MOST_STOPS: usize = 64;
 
 /// Whoever waits for the answer of a service.
@@ -29,6 +29,13 @@ pub enum Command {
     Stop(Replies),
     /// Take up the targets of the last marks again.
     Restart(Replies),
+    /// Call a target otherwise.
+    Rename {
+        /// Its name until then.
+        id: String,
+        /// Its name from then on.
+        to: String,
+    },
 }
 
 impl Command {
@@ -103,6 +110,13 @@ impl Queue {
                 let mut replies = self.take_replies(|c| matches!(c, Command::Restart(_)));
                 replies.extend(reply);
                 self.add(Command::Restart(replies));
+            }
+            Command::Rename { id, to } => {
+                let is_rename = |c: &Command| matches!(c, Command::Rename { .. });
+                if self.waiting.iter().filter(|w| is_rename(&w.command)).count() >= MOST_STOPS {
+                    self.drop_first(is_rename);
+                }
+                self.add(Command::Rename { id, to });
             }
         }
     }
@@ -184,7 +198,7 @@ impl Queue {
                 replies.append(own);
                 false
             }
-            Command::Mark(_) => true,
+            Command::Mark(_) | Command::Rename { .. } => true,
         });
         replies
     }
@@ -239,6 +253,7 @@ mod tests {
             Command::Mark(Mark::Stop(id)) => format!("stop {}", id.as_deref().unwrap_or("all")),
             Command::Stop(replies) => format!("stop for {}", replies.len()),
             Command::Restart(replies) => format!("restart for {}", replies.len()),
+            Command::Rename { id, to } => format!("rename {id} to {to}"),
         };
         queue.waiting.iter().map(|waiting| told(&waiting.command)).collect()
     }

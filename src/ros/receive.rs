@@ -20,6 +20,7 @@ use super::intake::{Intake, Refusal};
 use super::messages::{self, CompressedImage, Topic};
 use super::stats::{Stats, count};
 use super::waiting;
+use crate::viewer::{Hub, Part};
 
 /// How long no image may come, at first or later, before the log says what is waited for.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -38,6 +39,8 @@ pub struct Receive {
     pub inbox: Arc<Inbox>,
     /// What is counted.
     pub stats: Arc<Stats>,
+    /// The live page, where there is one.
+    pub page: Option<Hub>,
     /// Closed when the node ends.
     pub end: Receiver<()>,
 }
@@ -122,7 +125,7 @@ impl Receive {
             let result = select! {
                 _ = end => return,
                 _ = FutureExt::fuse(patience) => {
-                    warn!("{}", self.waiting());
+                    self.tell(self.waiting());
                     is_told = true;
                     continue;
                 }
@@ -137,6 +140,14 @@ impl Receive {
                 }
                 Err(why) => intake.take(Err(why.into())),
             }
+        }
+    }
+
+    /// Tells the log and the live page what is waited for.
+    fn tell(&self, line: String) {
+        warn!("{line}");
+        if let Some(page) = &self.page {
+            page.report([Part { name: "waiting".to_owned(), level: 1, message: line, values: Vec::new() }]);
         }
     }
 

@@ -18,12 +18,14 @@ use super::logging::{Throttle, held_back};
 use super::messages::{Detection2DArray, TrackArray};
 use super::queue::{Command, answer};
 use super::stats::{Stats, count};
+use crate::draw::Scene;
 use crate::error::StartError;
-use crate::frame::Frame;
+use crate::frame::{Frame, Stamp};
 use crate::loader::FailureLog;
 use crate::session::Session;
 use crate::trace::Trace;
 use crate::tracker::State;
+use crate::viewer::{Event, Hub};
 
 /// Why nothing was started again.
 #[derive(Debug, thiserror::Error)]
@@ -46,6 +48,8 @@ pub struct Worker {
     pub detections: Publisher<Detection2DArray>,
     /// The way to debug images.
     pub debug: Feed,
+    /// The live page, where there is one.
+    pub page: Option<Hub>,
     /// What is counted.
     pub stats: Arc<Stats>,
 }
@@ -73,6 +77,7 @@ enum Line {
     Refused(Discriminant<StartError>),
     NoImage,
     Stopped,
+    Renamed,
     NoTarget,
     Unsent(&'static str),
 }
@@ -127,9 +132,9 @@ impl Worker {
             }
             return;
         };
-        self.publish(&newest, began.elapsed(), memory);
+        let is_moment = self.publish(&newest, began.elapsed(), memory);
         self.tell(memory);
-        if let Some(scene) = scene {
+        if let Some(scene) = scene.or_else(|| is_moment.then(Scene::default)) {
             let output = self.session.output().clone();
             let params = self.session.params();
             let (levels, debug) = (params.levels.range(), params.debug.clone());
@@ -140,7 +145,7 @@ impl Worker {
     /// What the command asks of this thread.
     fn cost(command: &Command) -> Cost {
         match command {
-            Command::Mark(Mark::Stop(_)) | Command::Stop(_) => Cost::None,
+            Command::Mark(Mark::Stop(_)) | Command::Stop(_) | Command::Rename { .. } => Cost::None,
             Command::Mark(Mark::Start(_)) => Cost::Mark,
             Command::Restart(_) => Cost::Restart,
         }
@@ -158,9 +163,20 @@ impl Worker {
             }
             Command::Mark(Mark::Stop(Some(id))) => {
                 if self.session.stop_target(&id) {
+                    self.show(None, || Event::Stopped(Some(id.clone())));
                     memory.say(Line::Stopped, Level::Info, format!("target {id} stopped"));
                 } else {
                     memory.say(Line::NoTarget, Level::Info, format!("no target {id} was followed"));
+                }
+                None
+            }
+            Command::Rename { id, to } => {
+                match self.session.rename(&id, &to) {
+                    Ok(()) => {
+                        memory.say(Line::Renamed, Level::Info, format!("target {id} is now called {to}"));
+                        self.show(None, || Event::Renamed { id, to });
+                    }
+                    Err(why) => memory.say(Line::NoTarget, Level::Info, why.to_string()),
                 }
                 None
             }
@@ -203,6 +219,7 @@ impl Worker {
             }
             Named::Unknown(why) => {
                 memory.say(Line::NoImage, Level::Error, format!("mark {rect} refused: {why}"));
+                self.show(start.stamp, || Event::Refused { rect, why });
                 return None;
             }
         };
@@ -210,16 +227,18 @@ impl Worker {
         let later = frames[1..].iter().take_while(|_| !self.inbox.is_closed());
         match self.session.start_from(start.id.as_deref(), &frames[0], later, rect, trace) {
             Ok(output) => {
-                let id = output.targets.last().map_or("", |target| &*target.id);
+                let id = output.targets.last().map_or("", |target| &*target.id).to_owned();
                 let line = match frames.len() - 1 {
                     0 => format!("target {id} marked: {rect}"),
                     later => format!("target {id} marked: {rect}, {later} images ago"),
                 };
                 memory.say(Line::Marked, Level::Info, line);
+                self.show(start.stamp, || Event::Marked { id, rect });
                 (!self.inbox.is_closed()).then_some(frames.len() - 1)
             }
             Err(why) => {
                 memory.say(Line::Refused(discriminant(&why)), Level::Error, format!("mark refused: {why}"));
+                self.show(start.stamp, || Event::Refused { rect, why: why.to_string() });
                 None
             }
         }
@@ -228,21 +247,35 @@ impl Worker {
     fn stop(&mut self, memory: &mut Memory) -> &'static str {
         let was = self.session.is_active();
         self.session.stop();
+        if was {
+            self.show(None, || Event::Stopped(None));
+        }
         let (line, message) = if was { (Line::Stopped, "stopped") } else { (Line::NoTarget, "no target was followed") };
         memory.say(line, Level::Info, message.to_owned());
         message
     }
 
     fn restart(&mut self, memory: &mut Memory, trace: &mut dyn Trace) -> Result<String, RestartError> {
-        let frame = memory.newest.as_ref().ok_or(RestartError::NoImage)?;
+        let frame = memory.newest.clone().ok_or(RestartError::NoImage)?;
         let output = self.session.restart(&frame.frame(), trace)?;
         let boxes: Vec<_> = output.targets.iter().map(|target| target.rect.to_string()).collect();
         let message = format!("restarted: {}", boxes.join(", "));
         memory.say(Line::Restarted, Level::Info, message.clone());
+        for target in &self.session.output().targets {
+            self.show(frame.frame().stamp(), || Event::Marked { id: target.id.to_string(), rect: target.rect });
+        }
         Ok(message)
     }
 
-    fn publish(&self, frame: &Received, processing: Duration, memory: &mut Memory) {
+    /// Tells the live page, if there is one.
+    fn show(&self, stamp: Stamp, event: impl FnOnce() -> Event) {
+        if let Some(page) = &self.page {
+            page.tell(stamp, event());
+        }
+    }
+
+    /// Publishes what is known of the image; whether that is a moment that the live page has a picture of.
+    fn publish(&self, frame: &Received, processing: Duration, memory: &mut Memory) -> bool {
         let skipped = std::mem::take(&mut memory.skipped);
         let output = self.session.output();
         self.stats.states(&output.targets);
@@ -269,6 +302,8 @@ impl Worker {
             latency as f64 / 1e6,
             processing.as_secs_f64() * 1e3
         );
+        let note = |page: &Hub| page.note(frame.frame().stamp(), &output.targets, skipped, latency as f32 / 1e6);
+        self.page.as_ref().is_some_and(note)
     }
 
     /// Tells the log when a target is lost or found again.
