@@ -126,8 +126,8 @@ impl Confidence {
         self.assess_as(response, response)
     }
 
-    /// Likewise, where more is known than the response: the state follows from what is as sure as the response `judged`,
-    /// what the target usually gets from `response`.
+    /// Likewise, where more is known than the response: the state follows from what is as sure as the response
+    /// `judged`, what the target usually gets from `response`.
     pub fn assess_as(&mut self, judged: f64, response: f64) -> State {
         let quality = self.quality(judged);
         if self.state == State::Lost {

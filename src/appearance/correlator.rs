@@ -187,8 +187,8 @@ impl Correlator {
         self.view.window.size()
     }
 
-    /// Makes a map of places part of the response, `share` of it: each place answers by its value, less the farther away
-    /// from it, like a Gaussian of width `sigma` pixels; the best answer counts.
+    /// Makes a map of places part of the response, `share` of it: each place answers by its value, less the farther
+    /// away from it, like a Gaussian of width `sigma` pixels; the best answer counts.
     pub fn add_layer(&mut self, share: f64, sigma: f64, places: impl Iterator<Item = ([f64; 2], f64)>) {
         let Self { view: SearchView { window, turn, response, .. }, rows, cols, spare, raw, .. } = self;
         let (rows, cols) = (*rows, *cols);

@@ -1,8 +1,8 @@
 //! Where a pair of networks finds the target as it was marked: crops, normalisation and decoding.
 //!
 //! The networks learn nothing while they are used: the template is the target of the first frame and cannot drift. They
-//! answer cell by cell how much what is there looks like the target, and where its four sides are, so that they tell its
-//! width and height as well (Li et al., *SiamRPN*, CVPR 2018; Xu et al., *SiamFC++*, AAAI 2020, for sides without
+//! answer cell by cell how much what is there looks like the target, and where its four sides are, so that they tell
+//! its width and height as well (Li et al., *SiamRPN*, CVPR 2018; Xu et al., *SiamFC++*, AAAI 2020, for sides without
 //! anchors). They tell the target from what surrounds it, not from its like.
 
 use crate::crop::{Cropper, Patch};
@@ -134,8 +134,8 @@ impl ShortTerm {
     /// As NanoTrack V3 is published.
     pub const NANOTRACK_V3: Self = Self { influence: 0.455, penalty: 0.138, rate: 0.348 };
 
-    /// The box of the target of `rect` in the frame, as the networks alone have it: the short-term tracker that they are
-    /// published with. The last box stands for the search window's middle.
+    /// The box of the target of `rect` in the frame, as the networks alone have it: the short-term tracker that they
+    /// are published with. The last box stands for the search window's middle.
     pub fn step(&self, matcher: &mut Matcher, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> Rect {
         matcher.look(frame, cropper, rect.centre(), rect.size());
         let cells = matcher.form.cells;

@@ -3,8 +3,8 @@
 //!
 //! They are of the kind that Siamese trackers publish (Bertinetto et al., *Fully-convolutional Siamese networks for
 //! object tracking*, ECCV 2016 workshops; Li et al., *High performance visual tracking with Siamese region proposal
-//! network*, CVPR 2018). Sizes are read from the files: the backbone declares the side of the window in pixels, the head
-//! that of template and window in cells.
+//! network*, CVPR 2018). Sizes are read from the files: the backbone declares the side of the window in pixels, the
+//! head that of template and window in cells.
 //!
 //! Images are blue, green, red, 0 to 255 as they are.
 
@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex};
 
 use super::backend::{Backend, Input, Model, Outputs, RunError};
 use super::declared::Freed;
-use super::{Engine, planes, refused, shape};
+use super::engine::{Engine, planes, refused, shape};
 use crate::crop::Patch;
 use crate::error::NetworkError;
 use crate::features::FeatureMap;
@@ -116,8 +116,8 @@ impl MatchingNetwork {
         &self.form
     }
 
-    /// Computes the features of a template, a patch of [`MatchingForm::template`] pixels a side. Where the run fails they
-    /// are zeros.
+    /// Computes the features of a template, a patch of [`MatchingForm::template`] pixels a side. Where the run fails
+    /// they are zeros.
     pub fn learn(&mut self, patch: &Patch, template: &mut FeatureMap) {
         let done = self.features(patch);
         template.clone_from(&self.features[0]);

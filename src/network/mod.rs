@@ -8,6 +8,7 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `backend.rs` | what a library that runs networks must do |
+//! | `engine.rs` | which library runs a network, and what all networks share |
 //! | `builtin.rs` | inference by tract, which is built in |
 //! | `depthwise.rs` | its convolutions of single channels, which ours replace |
 //! | `onnxruntime.rs` | inference by ONNX Runtime |
@@ -18,6 +19,7 @@ mod backend;
 mod builtin;
 mod declared;
 mod depthwise;
+mod engine;
 mod matching;
 #[cfg(feature = "onnxruntime")]
 mod onnxruntime;
@@ -27,6 +29,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use backend::{Backend, Input, Outputs, Refusal};
 pub use backend::{Model, RunError};
+pub use engine::Engine;
+use engine::{planes, refused, shape};
 pub use matching::{MatchingForm, MatchingNetwork, SharedMatching};
 #[cfg(feature = "onnxruntime")]
 pub use onnxruntime::Runtime;
@@ -55,26 +59,6 @@ pub struct NetworkSettings {
     pub outputs: Vec<String>,
     /// Threads of a run.
     pub threads: usize,
-}
-
-/// What runs a network.
-#[derive(Clone)]
-pub enum Engine {
-    /// The built-in library.
-    Builtin,
-    /// ONNX Runtime, which has been opened.
-    #[cfg(feature = "onnxruntime")]
-    OnnxRuntime(Runtime),
-}
-
-impl Engine {
-    fn load(&self, model: &[u8], outputs: Outputs, threads: usize) -> Result<Box<dyn Backend>, Refusal> {
-        match self {
-            Self::Builtin => builtin::load(model, outputs, threads),
-            #[cfg(feature = "onnxruntime")]
-            Self::OnnxRuntime(runtime) => runtime.load(model, outputs, threads),
-        }
-    }
 }
 
 /// A network that all targets of a tracker use, one at a time.
@@ -220,12 +204,6 @@ impl fmt::Debug for Cnn {
     }
 }
 
-/// The three planes of a patch in a network's order. A patch without colour is grey.
-fn planes(patch: &Patch, bgr: bool) -> impl Iterator<Item = &Vec<u8>> {
-    let planes = patch.planes();
-    (0..3).map(move |channel| planes.get(if bgr { 2 - channel } else { channel }).unwrap_or(&planes[0]))
-}
-
 /// Lets the engine load the network, checks its input and outputs, and runs it once on `image`.
 fn checked(
     name: &str,
@@ -255,21 +233,6 @@ fn checked(
         }
     }
     Ok(network)
-}
-
-/// A declared shape in messages.
-fn shape(declared: &[Option<usize>]) -> String {
-    let length = |d: &Option<usize>| d.map_or("?".to_owned(), |d| d.to_string());
-    declared.iter().map(length).collect::<Vec<_>>().join(" x ")
-}
-
-fn refused(refusal: Refusal, file: &str) -> NetworkError {
-    let file = file.to_owned();
-    match refusal {
-        Refusal::Format(why) => NetworkError::Format { file, why: why.replace('\n', " ") },
-        Refusal::Output { name, known } => NetworkError::Output { file, name, known: known.join(", ") },
-        Refusal::Outputs(count) => NetworkError::Matching { file, why: format!("it has {count} outputs") },
-    }
 }
 
 #[cfg(test)]

@@ -4,8 +4,8 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// The files of backbone and head of NanoTrack's version `version` in the folder that `MODELS_DIR` names. Where that is
-/// not set, `None` and a line that tells of the test as skipped; but where `MODELS_MUST_RUN` is, as in CI that has them,
-/// what needs them must run.
+/// not set, `None` and a line that tells of the test as skipped; but where `MODELS_MUST_RUN` is, as in CI that has
+/// them, what needs them must run.
 pub fn nanotrack(version: u32) -> Option<[PathBuf; 2]> {
     if let Some(root) = std::env::var_os("MODELS_DIR") {
         let file = |part: &str| Path::new(&root).join(format!("nanotrackv{version}_{part}.onnx"));
