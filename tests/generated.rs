@@ -87,7 +87,7 @@ fn every_preset_is_a_set_of_parameters() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("params");
     let mut names: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     names.sort();
-    assert_eq!(names.len(), 6, "{names:?}");
+    assert_eq!(names.len(), 7, "{names:?}");
     for path in names {
         let changes = params::file(&path, &NodeName::default()).unwrap();
         let changed = Params::default().with(changes.iter().map(|(n, v)| (n.as_str(), v)), Phase::StartUp).unwrap();
