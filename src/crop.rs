@@ -232,10 +232,7 @@ impl Cropper {
     ) {
         let planes = if frame.encoding().is_colour() { 3 } else { 1 };
         patch.resize(side, side, planes);
-        let [columns, rows] = frame.grid();
-        let across = f64::from(columns) / f64::from(frame.width());
-        let down = f64::from(rows) / f64::from(frame.height());
-        let n = side as f64;
+        let ([columns, rows], [across, down], n) = (frame.grid(), density(frame), side as f64);
         self.columns.plan_within(1.0, window.x * across, window.w * across / n, side, columns as usize);
         self.rows.plan_within(1.0, window.y * down, window.h * down / n, side, rows as usize);
         for (out, plane) in patch.planes.iter_mut().zip(Plane::COLOURS) {
@@ -287,9 +284,7 @@ impl Cropper {
     }
 
     fn plan(&mut self, frame: &Frame, window: &Rect, width: usize, height: usize) {
-        let [columns, rows] = frame.grid();
-        let across = f64::from(columns) / f64::from(frame.width());
-        let down = f64::from(rows) / f64::from(frame.height());
+        let ([columns, rows], [across, down]) = (frame.grid(), density(frame));
         let [x, y] = self.alteration.blur;
         let blur = [x * across, y * down];
         self.columns.plan(window.x * across, window.w * across, width, columns as usize, blur[0]);
@@ -327,6 +322,12 @@ impl Cropper {
             out.iter_mut().zip(&self.sum).for_each(|(o, s)| *o = *s as u8);
         }
     }
+}
+
+/// Pixels of the bytes for a pixel of the frame, across and down.
+fn density(frame: &Frame) -> [f64; 2] {
+    let [columns, rows] = frame.grid().map(f64::from);
+    [columns / f64::from(frame.width()), rows / f64::from(frame.height())]
 }
 
 #[cfg(test)]

@@ -52,6 +52,15 @@ pub struct Target {
     pub lost_for: u32,
 }
 
+#[cfg(test)]
+impl Target {
+    /// A target that stands in `rect`, for tests.
+    pub(crate) fn standing(id: &str, rect: Rect, state: State) -> Self {
+        let (velocity, confidence, response) = ([0.0; 2], 0.5, 0.5);
+        Self { id: id.into(), rect, velocity, confidence, response, state, reacquired: false, age: 1, lost_for: 0 }
+    }
+}
+
 /// What a tracker says of one frame.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Output {

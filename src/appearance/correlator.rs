@@ -20,6 +20,8 @@ use crate::trace::{Event, ResponseMap, Trace};
 
 /// Local maxima of a response map that are weighed against the motion model.
 const PEAKS: usize = 8;
+/// A place of an added layer answers as far as this, in widths of its Gaussian.
+const REACH: f64 = 3.0;
 /// Cells along a side of the search window, at least: fewer have no room for a label.
 const MIN_CELLS: usize = 8;
 
@@ -43,7 +45,9 @@ pub struct Correlator {
     shown: Vec<f32>,
     /// Room to turn what is shown.
     spare: Vec<f32>,
-    raw: Vec<f32>,
+    /// The layer that was added to the response, and the response without it; the latter is empty if none was.
+    layer: Vec<f32>,
+    unlayered: Vec<f32>,
 }
 
 /// A look through the search window.
@@ -57,6 +61,20 @@ struct SearchView {
     /// What the window showed, and the response to it (wrapped).
     sample: Sample,
     response: Vec<f32>,
+}
+
+impl SearchView {
+    /// Width and height of a cell, in pixels.
+    fn cell(&self, rows: usize, cols: usize) -> [f64; 2] {
+        [self.window.w / cols as f64, self.window.h / rows as f64]
+    }
+
+    /// How far a place lies from the middle of the window, in cells of the turned picture.
+    fn displacement(&self, rows: usize, cols: usize, place: [f64; 2]) -> [f64; 2] {
+        let ([x, y], [w, h]) = (self.window.centre(), self.cell(rows, cols));
+        let [dx, dy] = turned([place[0] - x, place[1] - y], self.turn.to_radians());
+        [dx / w, dy / h]
+    }
 }
 
 /// A place that the filter answers to.
@@ -105,7 +123,8 @@ impl Correlator {
             cut: Cut::default(),
             shown: Vec::with_capacity(rows * cols),
             spare: Vec::with_capacity(rows * cols),
-            raw: Vec::new(),
+            layer: Vec::new(),
+            unlayered: Vec::new(),
         };
         correlator.view.window = window;
         correlator.extractor.transform(&mut correlator.fft, &mut correlator.view.sample);
@@ -177,58 +196,52 @@ impl Correlator {
         better
     }
 
-    /// The middle of the window of the last look.
-    pub fn middle(&self) -> [f64; 2] {
-        self.view.window.centre()
-    }
-
-    /// Width and height of the window of the last look, in pixels.
-    pub fn window_size(&self) -> [f64; 2] {
-        self.view.window.size()
+    /// The window of the last look.
+    pub fn window(&self) -> Rect {
+        self.view.window
     }
 
     /// Makes a map of places part of the response, `share` of it: each place answers by its value, less the farther
-    /// away from it, like a Gaussian of width `sigma` pixels; the best answer counts.
+    /// away from it, like a Gaussian of width `sigma` pixels; the best answer counts. Nothing answers in a blank
+    /// window.
     pub fn add_layer(&mut self, share: f64, sigma: f64, places: impl Iterator<Item = ([f64; 2], f64)>) {
-        let Self { view: SearchView { window, turn, response, .. }, rows, cols, spare, raw, .. } = self;
+        let Self { view, rows, cols, layer, unlayered, .. } = self;
+        if view.blank {
+            return;
+        }
         let (rows, cols) = (*rows, *cols);
-        spare.clear();
-        spare.resize(rows * cols, 0.0);
-        let cell = [window.w / cols as f64, window.h / rows as f64];
-        let [x, y] = window.centre();
-        for ([px, py], value) in places {
-            let [dx, dy] = turned([px - x, py - y], turn.to_radians());
-            let at = [dx / cell[0], dy / cell[1]];
-            let reach = cell.map(|side| (3.0 * sigma / side).ceil() as i64);
-            let (middle, half) = ([at[0].round() as i64, at[1].round() as i64], [cols as i64 / 2, rows as i64 / 2]);
-            for r in (middle[1] - reach[1]).max(-half[1])..=(middle[1] + reach[1]).min(half[1] - 1) {
-                for c in (middle[0] - reach[0]).max(-half[0])..=(middle[0] + reach[0]).min(half[0] - 1) {
+        layer.clear();
+        layer.resize(rows * cols, 0.0);
+        let half = [cols, rows].map(|cells| cells as i64 / 2);
+        let cell = view.cell(rows, cols);
+        let reach = cell.map(|side| (REACH * sigma / side).ceil() as i64);
+        for (place, value) in places {
+            let at = view.displacement(rows, cols, place);
+            let range = |axis: usize| {
+                let middle = at[axis].round() as i64;
+                (middle - reach[axis]).max(-half[axis])..=(middle + reach[axis]).min(half[axis] - 1)
+            };
+            for r in range(1) {
+                for c in range(0) {
                     let d = [(c as f64 - at[0]) * cell[0], (r as f64 - at[1]) * cell[1]];
                     let here = value * (-0.5 * (d[0] * d[0] + d[1] * d[1]) / (sigma * sigma)).exp();
-                    let i = r.rem_euclid(rows as i64) as usize * cols + c.rem_euclid(cols as i64) as usize;
-                    spare[i] = spare[i].max(here as f32);
+                    let there = &mut layer[wrapped_index(rows, cols, r, c)];
+                    *there = there.max(here as f32);
                 }
             }
         }
-        raw.clone_from(response);
+        unlayered.clone_from(&view.response);
         let share = share as f32;
-        response.iter_mut().zip(spare.iter()).for_each(|(r, layer)| *r += share * (layer - *r));
+        view.response.iter_mut().zip(layer.iter()).for_each(|(r, layer)| *r += share * (layer - *r));
     }
 
-    /// The response without the layer that was added, at a place.
-    pub fn raw_at(&self, place: [f64; 2]) -> f64 {
-        let SearchView { window, turn, .. } = &self.view;
-        let [x, y] = window.centre();
-        let [dx, dy] = turned([place[0] - x, place[1] - y], turn.to_radians());
-        let at = [dx * self.cols as f64 / window.w, dy * self.rows as f64 / window.h].map(|v| v.round() as i64);
-        let mut best = 0.0f32;
-        for r in at[1] - 1..=at[1] + 1 {
-            for c in at[0] - 1..=at[0] + 1 {
-                let i = r.rem_euclid(self.rows as i64) as usize * self.cols + c.rem_euclid(self.cols as i64) as usize;
-                best = best.max(self.raw.get(i).copied().unwrap_or_default());
-            }
-        }
-        f64::from(best)
+    /// The highest response around a place without the layer that was added.
+    fn unlayered_at(&self, place: [f64; 2]) -> f64 {
+        let Self { view, rows, cols, unlayered, .. } = self;
+        let [x, y] = view.displacement(*rows, *cols, place).map(|cells| cells.round() as i64);
+        let around = (-1..=1).flat_map(|r| (-1..=1).map(move |c| (y + r, x + c)));
+        let highest = around.map(|(r, c)| unlayered[wrapped_index(*rows, *cols, r, c)]).fold(0.0, f32::max);
+        f64::from(highest)
     }
 
     /// Whether the last look showed nothing that could be followed. No response is above 0 then.
@@ -268,11 +281,11 @@ impl Correlator {
     fn answer(&self, peak: &Peak) -> Answer {
         let SearchView { window, turn, .. } = &self.view;
         let [x, y] = window.centre();
-        let cell = [window.w / self.cols as f64, window.h / self.rows as f64];
+        let cell = self.view.cell(self.rows, self.cols);
         let [dx, dy] = turned([peak.displacement[0] * cell[0], peak.displacement[1] * cell[1]], -turn.to_radians());
         let centre = [x + dx, y + dy];
         let fused = f64::from(peak.value);
-        let response = if self.raw.is_empty() { fused } else { self.raw_at(centre) };
+        let response = if self.unlayered.is_empty() { fused } else { self.unlayered_at(centre) };
         Answer { centre, response, fused }
     }
 
@@ -320,7 +333,7 @@ impl Correlator {
     }
 
     fn respond(&mut self) {
-        self.raw.clear();
+        self.unlayered.clear();
         let SearchView { blank, sample, response, .. } = &mut self.view;
         if *blank {
             response.fill(0.0);
@@ -359,6 +372,11 @@ impl Correlator {
         extractor.extract_cut(cut, fft, &mut view.sample);
         filters.learn_look(fft, &view.sample);
     }
+}
+
+/// The index of a cell of a wrapped map.
+fn wrapped_index(rows: usize, cols: usize, r: i64, c: i64) -> usize {
+    r.rem_euclid(rows as i64) as usize * cols + c.rem_euclid(cols as i64) as usize
 }
 
 fn search_window(settings: &FilterSettings, centre: [f64; 2], size: [f64; 2]) -> Rect {

@@ -37,17 +37,7 @@ mod tests {
 
     #[test]
     fn rows_of_many_targets_are_those_of_motchallenge_without_lost_ones() {
-        let target = |id: &str, x: f64, state| Target {
-            id: id.into(),
-            rect: Rect::new(x, 2.5, 30.0, 60.0),
-            velocity: [0.0; 2],
-            confidence: 0.5,
-            response: 0.5,
-            state,
-            reacquired: false,
-            age: 1,
-            lost_for: 0,
-        };
+        let target = |id: &str, x: f64, state| Target::standing(id, Rect::new(x, 2.5, 30.0, 60.0), state);
         let targets =
             vec![target("0", 1.0, State::Tracking), target("1", 5.0, State::Lost), target("7", 9.0, State::Uncertain)];
         let mut out = Vec::new();

@@ -257,18 +257,7 @@ mod tests {
     }
 
     fn output(rect: Rect, state: State) -> Output {
-        let target = Target {
-            id: "0".into(),
-            rect,
-            velocity: [0.0; 2],
-            confidence: 0.5,
-            response: 0.5,
-            state,
-            reacquired: false,
-            age: 1,
-            lost_for: 0,
-        };
-        Output { targets: vec![target] }
+        Output { targets: vec![Target::standing("0", rect, state)] }
     }
 
     /// Centre and extent of the pixels of a colour.

@@ -391,17 +391,7 @@ mod tests {
     use crate::tracker::Output;
 
     fn target(state: State) -> Target {
-        Target {
-            id: "0".into(),
-            rect: Rect::new(10.0, 10.0, 20.0, 20.0),
-            velocity: [0.0; 2],
-            confidence: 0.5,
-            response: 0.5,
-            state,
-            reacquired: false,
-            age: 1,
-            lost_for: 0,
-        }
+        Target::standing("0", Rect::new(10.0, 10.0, 20.0, 20.0), state)
     }
 
     fn show(hub: &Hub) {

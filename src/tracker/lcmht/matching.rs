@@ -130,18 +130,16 @@ impl Matching {
         size: [f64; 2],
         correlator: &mut Correlator,
     ) {
-        let middle = correlator.middle();
+        let window = correlator.window();
+        let middle = window.centre();
         self.matcher.look(frame, cropper, middle, size);
         self.take_in(size);
-        if correlator.is_blank() {
-            return;
-        }
-        let [half_w, half_h] = correlator.window_size().map(|side| side / 2.0);
+        let [half_w, half_h] = window.size().map(|side| side / 2.0);
         let hann = |offset: f64, half: f64| 0.5 + 0.5 * (std::f64::consts::PI * (offset / half).clamp(-1.0, 1.0)).cos();
         let answer = |found: &Match| {
             let [x, y] = found.rect.centre();
-            let window = hann(x - middle[0], half_w) * hann(y - middle[1], half_h);
-            ([x, y], found.score * (1.0 - WINDOW_INFLUENCE + WINDOW_INFLUENCE * window))
+            let hann = hann(x - middle[0], half_w) * hann(y - middle[1], half_h);
+            ([x, y], found.score * (1.0 - WINDOW_INFLUENCE + WINDOW_INFLUENCE * hann))
         };
         correlator.add_layer(params.share, SPREAD * scale(size), self.found.iter().map(answer));
     }

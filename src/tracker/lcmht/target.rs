@@ -407,9 +407,7 @@ impl LcmhtTarget {
         (self.rect, self.response, self.judged) = (rect, response, judged);
         self.reacquired = found.is_reacquired();
         self.lost_for = if found.state == State::Lost { self.lost_for.saturating_add(1) } else { 0 };
-        if self.lost_for == 1
-            && let Some(matching) = &self.matching
-        {
+        if let (1, Some(matching)) = (self.lost_for, &self.matching) {
             self.rect = Rect::around(self.rect.centre(), matching.last_size());
         }
         if found.state == State::Tracking && !self.reacquired && steady && self.params.scale.enabled {
@@ -477,7 +475,10 @@ impl LcmhtTarget {
         let anew = |need| params.differs(&made, need);
         if anew(Need::Filters) || anew(Need::Network) {
             let worth = self.appearance.remake(&settings::appearance(params), networks.cnn, frame, cropper, &self.rect);
-            self.matching = networks.matching.map(|network| Matching::new(network, frame, cropper, &self.rect));
+            // The template stays the target as it was marked.
+            let (matching, rect) = (self.matching.take(), self.rect);
+            let anew = |network| matching.unwrap_or_else(|| Matching::new(network, frame, cropper, &rect));
+            self.matching = networks.matching.map(anew);
             self.turn = Turn::upright();
             (self.response, self.judged) = (self.response * worth, self.judged * worth);
         }
