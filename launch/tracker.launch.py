@@ -17,7 +17,7 @@ from launch_ros.substitutions import FindPackageShare
 PACKAGE = "long_term_tracker"
 
 # The files in params/, without .yaml.
-PRESETS = ["default", "fast", "paper", "etepf", "maptrack", "maptrack_near"]
+PRESETS = ["default", "fast", "matching", "paper", "etepf", "maptrack", "maptrack_near"]
 # Name, default and description.
 ARGUMENTS = [
     ("namespace", "", "Namespace of the node and of its topics."),

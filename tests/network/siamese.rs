@@ -27,13 +27,20 @@ fn shape(name: &str, sides: &[i64]) -> Message {
     tensor(name, &[sides.len()], INTEGER, &raw)
 }
 
-/// The backbone: `1 x 3 x window x window` as declared, features of `CHANNELS` channels. Kernels sum to zero, so that
-/// what is of one colour has no features.
+/// The backbone: `1 x 3 x window x window` as declared, features of `CHANNELS` channels. Kernels are of blocks, so that
+/// they change little from a pixel to the next, and sum to zero, so that what is of one colour has no features.
 pub fn backbone(window: usize, noise: impl Fn(usize) -> Vec<f32>) -> Vec<u8> {
-    let mut kernels = noise(CHANNELS * 3 * KERNEL * KERNEL);
+    const BLOCKS: usize = 3;
+    let blocks = noise(CHANNELS * 3 * BLOCKS * BLOCKS);
+    let at = |side: usize| side * BLOCKS / KERNEL;
+    let weight = |i: usize| {
+        let (kernel, y, x) = (i / (KERNEL * KERNEL), i / KERNEL % KERNEL, i % KERNEL);
+        blocks[(kernel * BLOCKS + at(y)) * BLOCKS + at(x)]
+    };
+    let mut kernels: Vec<f32> = (0..CHANNELS * 3 * KERNEL * KERNEL).map(weight).collect();
     for kernel in kernels.chunks_exact_mut(KERNEL * KERNEL) {
         let mean = kernel.iter().sum::<f32>() / kernel.len() as f32;
-        kernel.iter_mut().for_each(|v| *v = (*v - mean) * 1e-3);
+        kernel.iter_mut().for_each(|v| *v = (*v - mean) * 4e-5);
     }
     let attributes = [integers("kernel_shape", &[KERNEL; 2]), integers("strides", &[STRIDE; 2])];
     let graph = Message::default()
@@ -45,15 +52,17 @@ pub fn backbone(window: usize, noise: impl Fn(usize) -> Vec<f32>) -> Vec<u8> {
     model(graph)
 }
 
-/// The head. Each pixel of the template is correlated with the window, and the maps are added up as the template lies.
-/// The sides of the target are `sides` pixels of the window from its middle.
+/// The head. The logits are how much the window is like the template: each pixel of the template is correlated with the
+/// window, the maps are added up as the template lies, twice, and half of what the window has there in squares is taken
+/// away. The sides of the target are `sides` pixels of the window from its middle.
 pub fn head(sides: [f32; 4]) -> Vec<u8> {
     let pixels = TEMPLATE * TEMPLATE;
-    // Logits: minus and plus the correlation.
-    let mut placed = vec![0.0; 2 * pixels * TEMPLATE * TEMPLATE];
-    for (sign, kernel) in [-1.0, 1.0].into_iter().zip(placed.chunks_exact_mut(pixels * TEMPLATE * TEMPLATE)) {
-        (0..pixels).for_each(|pixel| kernel[pixel * pixels + pixel] = sign);
+    // Of the one logit with the other sign.
+    let mut placed = vec![0.0; 2 * pixels * pixels];
+    for (sign, kernel) in [-1.0, 1.0].into_iter().zip(placed.chunks_exact_mut(pixels * pixels)) {
+        (0..pixels).for_each(|pixel| kernel[pixel * pixels + pixel] = 2.0 * sign);
     }
+    let energy: Vec<f32> = [0.5, -0.5].into_iter().flat_map(|sign| vec![sign; CHANNELS * pixels]).collect();
     let padded = [integers("kernel_shape", &[TEMPLATE; 2]), integers("pads", &[3; 4])];
     let graph = Message::default()
         .text(2, "head")
@@ -62,11 +71,15 @@ pub fn head(sides: [f32; 4]) -> Vec<u8> {
         .message(1, node("Reshape", &["window", "flat"], "cells", &[]))
         .message(1, node("MatMul", &["rows", "cells"], "correlations", &[]))
         .message(1, node("Reshape", &["correlations", "maps"], "planes", &[]))
-        .message(1, node("Conv", &["planes", "placed"], "logits", &padded))
+        .message(1, node("Conv", &["planes", "placed"], "near", &padded))
+        .message(1, node("Mul", &["window", "window"], "squares", &[]))
+        .message(1, node("Conv", &["squares", "energy"], "far", &padded))
+        .message(1, node("Add", &["near", "far"], "logits", &[]))
         .message(1, node("Conv", &["planes", "nothing", "sides"], "distances", &padded))
         .message(5, shape("flat", &[1, CHANNELS as i64, -1]))
         .message(5, shape("maps", &[1, pixels as i64, WINDOW as i64, WINDOW as i64]))
         .message(5, weights("placed", &[2, pixels, TEMPLATE, TEMPLATE], &placed))
+        .message(5, weights("energy", &[2, CHANNELS, TEMPLATE, TEMPLATE], &energy))
         .message(5, weights("nothing", &[4, pixels, TEMPLATE, TEMPLATE], &vec![0.0; 4 * pixels * pixels]))
         .message(5, weights("sides", &[4], &sides))
         .message(11, value("template", &[1, CHANNELS, TEMPLATE, TEMPLATE]))
