@@ -58,7 +58,7 @@ fn announcements_that_cannot_be_read_hide_no_others() {
 
 #[test]
 fn datagrams_changed_at_random_do_no_harm() {
-    against_node("fuzz", &["20240229", "12"]);
+    against_node("fuzz", &["20240229", "24"]);
 }
 
 #[test]
