@@ -145,7 +145,7 @@ impl Stage {
             frame: self.player.position(),
             frames: self.player.frames,
             ran: self.player.ran(),
-            is_playing: self.is_playing || self.rush_to.is_some(),
+            is_playing: self.is_playing,
             speed: self.speed,
             has_bag: self.bag.is_some(),
             run: self.player.run,

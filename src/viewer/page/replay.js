@@ -60,7 +60,7 @@ export class Replay {
 
   // While a box is drawn the recording stands still.
   stand() {
-    if (this.playback?.is_playing) this.play(false);
+    if (this.playback) this.play(false);
   }
 
   key(event) {
