@@ -86,8 +86,14 @@ impl Confidence {
         self.discounted(probability)
     }
 
+    /// The confidence to report where `judged` is the [response of](Self::response_of) a probability. In `0..=1`: what
+    /// the target usually gets may have sunk since.
+    pub fn reported_probability(&self, judged: f64) -> f64 {
+        self.discounted(self.quality(judged).clamp(0.0, 1.0))
+    }
+
     /// What remains of a probability where the target is lost.
-    pub fn discounted(&self, probability: f64) -> f64 {
+    fn discounted(&self, probability: f64) -> f64 {
         if self.state == State::Lost { LOST_SHARE * probability } else { probability }
     }
 
@@ -214,6 +220,15 @@ mod tests {
         assert!(c.reported(0.05) < 0.05);
         c.settings.calibrated = false;
         assert_eq!(c.reported(0.5 * c.reference), 0.5);
+    }
+
+    #[test]
+    fn a_reported_probability_is_one_though_the_usual_response_sinks() {
+        let mut c = confidence();
+        let judged = c.response_of(0.99);
+        c.assess_as(judged, 0.1 * c.reference);
+        assert!(c.quality(judged) > 1.0);
+        assert_eq!(c.reported_probability(judged), 1.0);
     }
 
     #[test]

@@ -145,7 +145,7 @@ impl LcmhtTarget {
     fn confidence(&self) -> f64 {
         let confidence = &self.appearance.confidence;
         match &self.matching {
-            Some(_) => confidence.discounted(confidence.quality(self.judged)),
+            Some(_) => confidence.reported_probability(self.judged),
             None => confidence.reported(self.judged),
         }
     }
