@@ -76,6 +76,17 @@ pub struct Proposal {
     pub score: f64,
 }
 
+/// What the response of a target is held against in a frame, in the response's own unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Thresholds {
+    /// From here on the target is tracked.
+    pub certain: f64,
+    /// Below it the target is gone, of LCMHT if that lasts.
+    pub lost: f64,
+    /// From here on a lost target is taken up again, of LCMHT where the detector proposes it.
+    pub found: f64,
+}
+
 /// What happens inside a step.
 #[derive(Clone, Copy, Debug)]
 pub enum Event<'a> {
@@ -107,6 +118,13 @@ pub enum Event<'a> {
         /// The window that it searches in, in pixels.
         window: Rect,
     },
+    /// What the response of a target is held against.
+    Thresholds {
+        /// The target's id.
+        id: &'a str,
+        /// In force in this frame.
+        thresholds: Thresholds,
+    },
     /// Changed parameters had this made anew.
     MadeAnew(Need),
 }
@@ -120,6 +138,21 @@ pub trait Trace {
 /// Is shown everything, and does nothing.
 impl Trace for () {
     fn event(&mut self, _: Event) {}
+}
+
+impl<T: Trace + ?Sized> Trace for &mut T {
+    fn event(&mut self, event: Event) {
+        (**self).event(event);
+    }
+}
+
+/// Is shown everything if it is there.
+impl<T: Trace> Trace for Option<T> {
+    fn event(&mut self, event: Event) {
+        if let Some(trace) = self {
+            trace.event(event);
+        }
+    }
 }
 
 /// Both are shown everything.

@@ -6,6 +6,7 @@
 
 use super::settings::ConfidenceSettings;
 use crate::output::State;
+use crate::trace::Thresholds;
 
 /// The reference starts at this share of the response to the very sample that the filter was trained on: no later look
 /// of the target answers as well.
@@ -100,6 +101,13 @@ impl Confidence {
     /// The response of a quality.
     pub fn response_of(&self, quality: f64) -> f64 {
         if self.settings.relative { quality * self.reference } else { quality }
+    }
+
+    /// What the responses of this frame are held against.
+    pub fn thresholds(&self) -> Thresholds {
+        let ConfidenceSettings { activate, lost, reacquire, .. } = self.settings;
+        let [certain, lost, found] = [activate, lost, reacquire].map(|quality| self.response_of(quality));
+        Thresholds { certain, lost, found }
     }
 
     /// Whether a response shows the target (at least T_ad).

@@ -18,7 +18,7 @@ use crate::record::{RecordError, Recorder};
 use crate::replay::{self, FrameSource, ReplayError};
 use crate::session::Session;
 use crate::tracker::Output;
-use crate::viewer::{Event, Hub, View};
+use crate::viewer::{Event, Hub, KeptThresholds, Said, View};
 
 /// Where frames come from, as often as they are asked for.
 pub struct Recording {
@@ -172,27 +172,25 @@ impl Player {
         let Some((_, buffer)) = &self.shown else { return };
         let frame = buffer.frame();
         self.scene.clear();
+        let mut thresholds = KeptThresholds::default();
         let begun = Instant::now();
-        self.session.step(&frame, &mut self.scene);
+        self.session.step(&frame, &mut (&mut thresholds, &mut self.scene));
         for mark in self.marks.iter().filter(|mark| mark.frame == number) {
             if let Err(why) = self.session.start_as(mark.id.as_deref(), &frame, mark.rect, &mut self.scene) {
                 let why = why.to_string();
                 self.hub.tell(stamp(number), Event::Refused { rect: mark.rect, why });
             }
         }
-        self.answer(number, begun.elapsed());
-    }
-
-    /// Keeps what was said of the frame.
-    fn answer(&mut self, number: usize, processing: Duration) {
-        let output = self.session.output().clone();
-        let latency = processing.as_secs_f32() * 1e3;
-        if number == self.answers.len() {
-            self.hub.note_at(number as u64, stamp(number), &output.targets, 0, latency);
-            self.answers.push(Answer { output, processing });
-        } else {
-            self.answers[number] = Answer { output, processing };
-        }
+        let answer = Answer { output: self.session.output().clone(), processing: begun.elapsed() };
+        let said = Said {
+            stamp: stamp(number),
+            targets: &answer.output.targets,
+            thresholds: &thresholds,
+            skipped: 0,
+            latency: answer.processing.as_secs_f32() * 1e3,
+        };
+        self.hub.note_at(number as u64, &said);
+        self.answers.push(answer);
     }
 
     /// Shows the frame to the pages that wait.
@@ -230,7 +228,7 @@ impl Player {
             let begun = Instant::now();
             self.session.start_as(id.as_deref(), &buffer.frame(), rect, &mut self.scene)?;
             self.marks.push(Mark { frame: number, rect, id });
-            self.answer(number, begun.elapsed());
+            self.answers[number] = Answer { output: self.session.output().clone(), processing: begun.elapsed() };
         }
         let named = self.session.output().targets.last().map_or_else(String::new, |target| target.id.to_string());
         self.hub.tell(stamp(number), Event::Marked { id: named, rect });

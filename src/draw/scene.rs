@@ -92,7 +92,7 @@ impl Scene {
 impl Trace for Scene {
     fn event(&mut self, event: Event) {
         match event {
-            Event::Stage(_) | Event::MadeAnew(_) => {}
+            Event::Stage(_) | Event::Thresholds { .. } | Event::MadeAnew(_) => {}
             Event::SearchWindow(window) => self.search_windows.push(window),
             Event::Prediction(rect) => self.predictions.push(rect),
             Event::Response(map) => self.keep_map(map),

@@ -25,7 +25,7 @@ use crate::loader::FailureLog;
 use crate::session::Session;
 use crate::trace::Trace;
 use crate::tracker::State;
-use crate::viewer::{Event, Hub};
+use crate::viewer::{Event, Hub, KeptThresholds, Said};
 
 /// Why nothing was started again.
 #[derive(Debug, thiserror::Error)]
@@ -111,20 +111,17 @@ impl Worker {
             memory.skipped = *skipped;
         }
         let newest = memory.newest.clone();
-        let mut scene = newest.as_ref().and_then(|_| self.debug.scene());
-        let mut silent = ();
-        let trace: &mut dyn Trace = match scene.as_mut() {
-            Some(scene) => scene,
-            None => &mut silent,
-        };
+        let scene = newest.as_ref().and_then(|_| self.debug.scene());
+        let mut trace = (scene, self.page.as_ref().map(|_| KeptThresholds::default()));
         let began = Instant::now();
         let has_changed = match task {
             Task::Image(frame, _) => {
-                self.session.step(&frame.frame(), trace);
+                self.session.step(&frame.frame(), &mut trace);
                 true
             }
-            Task::Command(command) => self.obey(command, memory, trace),
+            Task::Command(command) => self.obey(command, memory, &mut trace),
         };
+        let (scene, thresholds) = trace;
         memory.failures.watch(&self.session);
         let Some(newest) = newest.filter(|_| has_changed) else {
             if let Some(scene) = scene {
@@ -132,7 +129,11 @@ impl Worker {
             }
             return;
         };
-        let is_moment = self.publish(&newest, began.elapsed(), memory);
+        let (skipped, latency) = self.publish(&newest, began.elapsed(), memory);
+        let is_moment = self.page.as_ref().zip(thresholds).is_some_and(|(page, thresholds)| {
+            let targets = &self.session.output().targets;
+            page.note(&Said { stamp: newest.frame().stamp(), targets, thresholds: &thresholds, skipped, latency })
+        });
         self.tell(memory);
         if let Some(scene) = scene.or_else(|| is_moment.then(Scene::default)) {
             let output = self.session.output().clone();
@@ -274,8 +275,9 @@ impl Worker {
         }
     }
 
-    /// Publishes what is known of the image; whether that is a moment that the live page has a picture of.
-    fn publish(&self, frame: &Received, processing: Duration, memory: &mut Memory) -> bool {
+    /// Publishes what is known of the image. Gives how many images were skipped before it, and the milliseconds from
+    /// its arrival to its tracks.
+    fn publish(&self, frame: &Received, processing: Duration, memory: &mut Memory) -> (u32, f32) {
         let skipped = std::mem::take(&mut memory.skipped);
         let output = self.session.output();
         self.stats.states(&output.targets);
@@ -302,8 +304,7 @@ impl Worker {
             latency as f64 / 1e6,
             processing.as_secs_f64() * 1e3
         );
-        let note = |page: &Hub| page.note(frame.frame().stamp(), &output.targets, skipped, latency as f32 / 1e6);
-        self.page.as_ref().is_some_and(note)
+        (skipped, latency as f32 / 1e6)
     }
 
     /// Tells the log when a target is lost or found again.

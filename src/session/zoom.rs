@@ -67,7 +67,7 @@ impl Trace for Zoomed<'_> {
     fn event(&mut self, event: Event) {
         let stretch = |rect| stretched(rect, self.factors);
         match event {
-            Event::Stage(_) | Event::MadeAnew(_) => self.trace.event(event),
+            Event::Stage(_) | Event::Thresholds { .. } | Event::MadeAnew(_) => self.trace.event(event),
             Event::SearchWindow(window) => self.trace.event(Event::SearchWindow(stretch(window))),
             Event::Prediction(rect) => self.trace.event(Event::Prediction(stretch(rect))),
             Event::Response(map) => {
@@ -96,7 +96,7 @@ mod tests {
     impl Trace for Places {
         fn event(&mut self, event: Event) {
             self.0.push(match event {
-                Event::Stage(_) | Event::MadeAnew(_) => Rect::default(),
+                Event::Stage(_) | Event::Thresholds { .. } | Event::MadeAnew(_) => Rect::default(),
                 Event::SearchWindow(rect) | Event::Prediction(rect) | Event::Neighbour(rect) => rect,
                 Event::Particle { rect, .. } | Event::Mode { window: rect, .. } => rect,
                 Event::Response(map) => map.window,

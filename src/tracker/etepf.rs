@@ -41,8 +41,8 @@ use crate::filter::particles::Particles;
 use crate::frame::Frame;
 use crate::geometry::Rect;
 use crate::network::Networks;
-use crate::params::{CLIMB, EtepfMethod, EtepfParams, Group as _, Need, Params, SURROUND};
-use crate::trace::{Event, Stage, Trace};
+use crate::params::{CLIMB, EtepfMethod, EtepfModes, EtepfParams, Group as _, Need, Params, SURROUND};
+use crate::trace::{Event, Stage, Thresholds, Trace};
 use appearance::{Appearance, Evidence};
 use likelihood::LikelihoodView;
 use motion::{ParticleMotion, Place};
@@ -353,13 +353,15 @@ impl EtepfTarget {
         self.appearance.update(&mut scratch.view, &place, &self.params);
     }
 
-    /// Shows the likelihood image, the particles and the mode.
+    /// Shows the likelihood image, the particles, the thresholds and the mode.
     fn show(&self, view: &LikelihoodView, trace: &mut dyn Trace) {
         view.show(trace);
         self.particles
             .drawn()
             .iter()
             .for_each(|p| trace.event(Event::Particle { rect: self.rect(&p.state), weight: p.weight }));
+        let EtepfModes { certain, lost, .. } = self.params.modes;
+        trace.event(Event::Thresholds { id: &self.id, thresholds: Thresholds { certain, lost, found: certain } });
         trace.event(Event::Mode { name: if self.state == State::Lost { FIND } else { TRACK }, window: view.window() });
     }
 

@@ -12,9 +12,9 @@ use jpeg_encoder::EncodingError;
 
 use super::host::Playback;
 use super::picture::{self, View};
-use super::story::{Event, Happened, Part, Sample, Timed};
+use super::story::{Event, Happened, Part, Said, Sample};
 use crate::frame::Stamp;
-use crate::tracker::{State, Target};
+use crate::tracker::State;
 
 /// Frames whose figures are kept: three minutes at 30 a second.
 const SAMPLES: usize = 5400;
@@ -86,8 +86,8 @@ pub(super) struct Known {
 /// What a page does not know yet.
 pub(super) struct News {
     /// The figures of the run before, where another has begun.
-    pub(super) previous: Option<Vec<Timed>>,
-    pub(super) samples: Vec<Timed>,
+    pub(super) previous: Option<Vec<Sample>>,
+    pub(super) samples: Vec<Sample>,
     pub(super) playback: Option<Playback>,
     pub(super) events: Vec<Happened>,
     pub(super) parts: Option<Vec<Part>>,
@@ -100,9 +100,9 @@ struct Inner {
     /// The newest of each size that is asked for.
     pictures: Vec<Picture>,
     shown: u64,
-    samples: Ring<Timed>,
+    samples: Ring<Sample>,
     /// Those of the run before.
-    previous: Vec<Timed>,
+    previous: Vec<Sample>,
     run: u64,
     /// Whether a page has come, or needs another size, since a picture was made.
     is_waited_for: bool,
@@ -167,14 +167,15 @@ impl Hub {
 
     /// Takes the figures of a frame. Whether a target was lost or found again on it while somebody looks: then the
     /// frame must be shown, for its picture goes with that event.
-    pub fn note(&self, stamp: Stamp, targets: &[Target], skipped: u32, latency: f32) -> bool {
-        self.note_at(self.now(), stamp, targets, skipped, latency)
+    pub fn note(&self, said: &Said) -> bool {
+        self.note_at(self.now(), said)
     }
 
     /// The same for a frame of another time than now.
-    pub fn note_at(&self, at: u64, stamp: Stamp, targets: &[Target], skipped: u32, latency: f32) -> bool {
+    pub fn note_at(&self, at: u64, said: &Said) -> bool {
+        let Said { stamp, targets, .. } = *said;
         let mut inner = self.lock();
-        inner.samples.push(Timed { at, sample: Sample::new(targets, skipped, latency) });
+        inner.samples.push(Sample::new(at, said));
         let is_watched = !inner.pages.is_empty();
         let mut changed = false;
         for target in targets {
@@ -211,8 +212,7 @@ impl Hub {
             (sides, std::mem::take(&mut inner.moments), inner.shown)
         };
         let made = self.make(view, &sides, number, at);
-        let moments = moments.into_iter().map(|moment| with_picture(moment, view));
-        let moments: Vec<_> = moments.collect();
+        let moments: Vec<_> = moments.into_iter().map(|moment| with_picture(moment, view)).collect();
         let mut inner = self.lock();
         moments.into_iter().for_each(|moment| inner.events.push(moment));
         inner.pictures = made?;
@@ -388,10 +388,17 @@ mod tests {
     use crate::draw::Scene;
     use crate::frame::{Encoding, Frame};
     use crate::geometry::Rect;
-    use crate::tracker::Output;
+    use crate::trace::{Event as Shown, Thresholds, Trace as _};
+    use crate::tracker::{Output, Target};
+    use crate::viewer::KeptThresholds;
 
     fn target(state: State) -> Target {
         Target::standing("0", Rect::new(10.0, 10.0, 20.0, 20.0), state)
+    }
+
+    fn note(hub: &Hub, targets: &[Target], skipped: u32) -> bool {
+        let thresholds = KeptThresholds::default();
+        hub.note(&Said { stamp: Some(5), targets, thresholds: &thresholds, skipped, latency: 1.0 })
     }
 
     fn show(hub: &Hub) {
@@ -426,12 +433,12 @@ mod tests {
     fn a_loss_is_told_at_once_or_with_its_picture_while_somebody_looks() {
         let hub = Hub::default();
         let mut known = Known::default();
-        assert!(!hub.note(Some(5), &[target(State::Lost)], 0, 1.0));
+        assert!(!note(&hub, &[target(State::Lost)], 0));
         let told = hub.news(&mut known);
         assert_eq!((told.samples.len(), told.events.len()), (1, 1));
         let page = hub.enter(1, Box::new(|| {})).unwrap();
-        assert!(!hub.note(Some(5), &[target(State::Lost)], 0, 1.0), "it was lost before");
-        assert!(hub.note(Some(5), &[target(State::Tracking)], 0, 1.0));
+        assert!(!note(&hub, &[target(State::Lost)], 0), "it was lost before");
+        assert!(note(&hub, &[target(State::Tracking)], 0));
         assert!(hub.news(&mut known).events.is_empty());
         show(&hub);
         let told = hub.news(&mut known).events;
@@ -441,18 +448,34 @@ mod tests {
     }
 
     #[test]
+    fn figures_bear_the_thresholds_of_their_own_target_and_frame() {
+        let hub = Hub::default();
+        let mut thresholds = KeptThresholds::default();
+        for (id, certain) in [("0", 0.25), ("1", 0.75), ("0", 0.5)] {
+            let held = Thresholds { certain, lost: 0.25, found: 1.0 };
+            thresholds.event(Shown::Thresholds { id, thresholds: held });
+        }
+        let targets = [target(State::Tracking), Target::standing("2", Rect::default(), State::Lost)];
+        hub.note(&Said { stamp: None, targets: &targets, thresholds: &thresholds, skipped: 0, latency: 1.0 });
+        let told = serde_json::to_value(&hub.news(&mut Known::default()).samples[0]).unwrap();
+        assert_eq!(told[3][0][4], serde_json::json!([0.5, 0.25, 1.0]), "of the last frame that it was followed into");
+        assert_eq!(told[3][1][4], serde_json::Value::Null);
+    }
+
+    #[test]
     fn what_is_kept_is_bounded_and_the_newest_stands() {
         let hub = Hub::default();
         let mut known = Known::default();
         for n in 0..2 * SAMPLES {
-            hub.note(None, &[], n as u32, 1.0);
+            note(&hub, &[], n as u32);
             hub.tell(None, Event::Stopped(None));
         }
         let news = hub.news(&mut known);
         assert_eq!((news.samples.len(), news.events.len()), (SAMPLES, EVENTS));
-        assert_eq!(news.samples[SAMPLES - 1].sample.skipped, 2 * SAMPLES as u32 - 1);
+        let last = serde_json::to_value(&news.samples[SAMPLES - 1]).unwrap();
+        assert_eq!(last[1], 2 * SAMPLES as u32 - 1);
         assert!(hub.news(&mut known).samples.is_empty());
-        hub.note(None, &[], 7, 1.0);
+        note(&hub, &[], 7);
         assert_eq!(hub.news(&mut known).samples.len(), 1);
     }
 }

@@ -44,4 +44,4 @@ pub use host::{Asked, Command, Host, Playback, Replay};
 pub use hub::Hub;
 pub use listen::{ListenError, Listening, listen};
 pub use picture::View;
-pub use story::{Event, Part, Sample};
+pub use story::{Event, KeptThresholds, Part, Said};

@@ -5,7 +5,7 @@ use serde_json::Value as Json;
 
 use super::hub::News;
 use super::parameters::{self, Row};
-use super::story::{Happened, Part, Timed};
+use super::story::{Happened, Part, Sample};
 use super::{Command, Host, Playback, Replay};
 use crate::geometry::Rect;
 
@@ -55,11 +55,11 @@ pub(super) struct Told {
     now: u64,
     /// Another run has begun; these are the figures of the last.
     #[serde(skip_serializing_if = "Option::is_none")]
-    previous: Option<Vec<Timed>>,
+    previous: Option<Vec<Sample>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     playback: Option<Playback>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    samples: Vec<Timed>,
+    samples: Vec<Sample>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     events: Vec<Happened>,
     #[serde(skip_serializing_if = "Option::is_none")]

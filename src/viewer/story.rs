@@ -4,56 +4,81 @@ use std::sync::Arc;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use serde::ser::SerializeTuple;
 use serde::{Serialize, Serializer};
 
 use crate::frame::Stamp;
 use crate::geometry::Rect;
+use crate::trace::{self, Thresholds, Trace};
 use crate::tracker::{State, Target};
 
 /// Targets of which a sample keeps figures.
 const MOST_TARGETS: usize = 8;
 
-/// Id, state, confidence and response of a target.
-type Figures = (Arc<str>, State, f32, f32);
+/// What the responses of a step were held against, of each target.
+#[derive(Clone, Debug, Default)]
+pub struct KeptThresholds(Vec<(String, Thresholds)>);
 
-/// The figures of one frame.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Sample {
+impl KeptThresholds {
+    fn of(&self, id: &str) -> Option<Thresholds> {
+        // A target that caught up was followed through several frames.
+        self.0.iter().rev().find(|(other, _)| other == id).map(|(_, thresholds)| *thresholds)
+    }
+}
+
+impl Trace for KeptThresholds {
+    fn event(&mut self, event: trace::Event) {
+        if let trace::Event::Thresholds { id, thresholds } = event {
+            self.0.push((id.to_owned(), thresholds));
+        }
+    }
+}
+
+/// What was said of a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Said<'a> {
+    /// What marks name the frame by.
+    pub stamp: Stamp,
+    /// Its targets.
+    pub targets: &'a [Target],
+    /// What their responses were held against.
+    pub thresholds: &'a KeptThresholds,
     /// Frames that were skipped before it.
     pub skipped: u32,
     /// From its arrival to its tracks, in milliseconds.
     pub latency: f32,
+}
+
+/// Id, state, confidence and response of a target; thresholds of the response: certain, lost and found.
+type Figures = (Arc<str>, State, f32, f32, Option<[f32; 3]>);
+
+/// The figures of one frame.
+#[derive(Clone, Debug)]
+pub(super) struct Sample {
+    /// When it was taken: milliseconds since the start.
+    at: u64,
+    skipped: u32,
+    latency: f32,
     /// Of the first targets.
     targets: Box<[Figures]>,
 }
 
 impl Sample {
-    /// Of a frame with these targets.
-    pub fn new(targets: &[Target], skipped: u32, latency: f32) -> Self {
-        let figures = |t: &Target| -> Figures { (t.id.clone(), t.state, t.confidence, t.response) };
-        Self { skipped, latency, targets: targets.iter().take(MOST_TARGETS).map(figures).collect() }
+    pub(super) fn new(at: u64, said: &Said) -> Self {
+        let figures = |t: &Target| -> Figures {
+            let thresholds = said.thresholds.of(&t.id).map(|t| [t.certain, t.lost, t.found].map(|value| value as f32));
+            (t.id.clone(), t.state, t.confidence, t.response, thresholds)
+        };
+        let targets = said.targets.iter().take(MOST_TARGETS).map(figures).collect();
+        Self { at, skipped: said.skipped, latency: said.latency, targets }
     }
 }
 
-/// A sample and when it was taken: milliseconds since the start.
-#[derive(Clone, Debug)]
-pub(super) struct Timed {
-    pub(super) at: u64,
-    pub(super) sample: Sample,
-}
-
-/// `[at, skipped, latency, [[id, state, confidence, response], ...]]`
-impl Serialize for Timed {
+/// `[at, skipped, latency, [[id, state, confidence, response, [certain, lost, found]], ...]]`
+impl Serialize for Sample {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let Sample { skipped, latency, targets } = &self.sample;
-        let targets: Vec<_> = targets.iter().map(|(id, state, c, r)| (&**id, *state as u8, *c, *r)).collect();
-        let mut tuple = serializer.serialize_tuple(4)?;
-        tuple.serialize_element(&self.at)?;
-        tuple.serialize_element(skipped)?;
-        tuple.serialize_element(latency)?;
-        tuple.serialize_element(&targets)?;
-        tuple.end()
+        let Self { at, skipped, latency, targets } = self;
+        let targets: Vec<_> = targets.iter().map(|(id, state, c, r, t)| (&**id, *state as u8, *c, *r, *t)).collect();
+        (at, skipped, latency, targets).serialize(serializer)
     }
 }
 

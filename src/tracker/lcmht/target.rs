@@ -118,7 +118,8 @@ impl LcmhtTarget {
         let (appearance, response) =
             Appearance::new(&settings::appearance(params), networks.cnn, frame, cropper, &rect);
         let matching = networks.matching.map(|network| Matching::new(network, frame, cropper, &rect));
-        let detector = detector(params, seed, frame, cropper, &rect);
+        let mut detector = Detector::new(settings::detector(&params.svm), &rect, seed);
+        detector.learn(frame, cropper, &rect);
         Self {
             id,
             rect,
@@ -156,7 +157,7 @@ impl LcmhtTarget {
         trace.event(Event::Stage(Stage::Features));
         let expected = self.look(frame, cropper, dt, trace);
         trace.event(Event::Stage(Stage::Localise));
-        let mut localised = self.localise(expected, frame, cropper);
+        let mut localised = self.localise(expected, frame, cropper, trace);
         self.watch_neighbours(&localised, frame, cropper, trace);
         self.measure(&localised);
         if localised.state == State::Lost {
@@ -229,13 +230,20 @@ impl LcmhtTarget {
     }
 
     /// Finds the target in the response map (eq 7), and says how sure that is.
-    fn localise(&mut self, expected: Expected, frame: &Frame, cropper: &mut Cropper) -> Localised {
+    fn localise(
+        &mut self,
+        expected: Expected,
+        frame: &Frame,
+        cropper: &mut Cropper,
+        trace: &mut dyn Trace,
+    ) -> Localised {
         let answer = self.best(expected.place);
         let colour = frame.encoding().is_colour();
         if !self.blind && colour != std::mem::replace(&mut self.colour, colour) {
             // Without colour the filter answers less to the same target.
             self.appearance.confidence.rebase(answer.response);
         }
+        trace.event(Event::Thresholds { id: &self.id, thresholds: self.appearance.confidence.thresholds() });
         let opinion = self.opinion(&answer, frame, cropper);
         let judged = self.agreed(&answer) * opinion;
         let before = self.appearance.state();
@@ -485,16 +493,7 @@ impl LcmhtTarget {
         if anew(Need::Scale) {
             self.appearance.remake_scale(settings::scale(&params.scale).as_ref(), frame, cropper, &self.rect);
         }
-        Need::ALL
-            .into_iter()
-            .filter(|&need| need.waits() && anew(need))
-            .for_each(|need| trace.event(Event::MadeAnew(need)));
+        let remade = Need::ALL.into_iter().filter(|&need| need.waits() && anew(need));
+        remade.for_each(|need| trace.event(Event::MadeAnew(need)));
     }
-}
-
-/// A detector that has learned the target in `rect`.
-fn detector(params: &LcmhtParams, seed: u64, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> Detector {
-    let mut detector = Detector::new(settings::detector(&params.svm), rect, seed);
-    detector.learn(frame, cropper, rect);
-    detector
 }

@@ -19,6 +19,7 @@ use crate::filter::motion::{MotionModel, Noise};
 use crate::frame::Encoding;
 use crate::geometry::distance;
 use crate::params::{NodeName, Phase, Value, file};
+use crate::trace::Thresholds;
 
 const WIDTH: usize = 320;
 const HEIGHT: usize = 200;
@@ -230,4 +231,40 @@ fn with_the_papers_parameters_each_frame_goes_by_algorithm_1_line_by_line() {
     assert!(taken_up > 0 && refused > 0 && taught > 0 && taught < steps, "{taken_up} {refused} {taught} of {steps}");
     let there = Rect::around(place(FRAMES - 1).unwrap(), TARGET.size());
     assert!(output.targets[0].rect.iou(&there) > 0.5, "{} is not {there}", output.targets[0].rect);
+}
+
+/// Keeps what the last response was held against.
+struct Held(Option<Thresholds>);
+
+impl Trace for Held {
+    fn event(&mut self, event: Event) {
+        if let Event::Thresholds { thresholds, .. } = event {
+            self.0 = Some(thresholds);
+        }
+    }
+}
+
+#[test]
+fn the_thresholds_that_are_shown_are_those_that_decide() {
+    // The detector's opinion would count as well.
+    let params = [("lcmht.cnn.enabled", &Value::Bool(false)), ("lcmht.svm.opinion", &Value::Double(0.0))];
+    let params = Params::default().with(params, Phase::StartUp).unwrap();
+    let mut tracker = Lcmht::new(&params, Networks::default());
+    tracker.start(&"0".into(), &frame(&scene(0)), TARGET, &mut ());
+    let (mut output, mut before, mut seen) = (Output::default(), State::Tracking, [0; 3]);
+    for n in 1..FRAMES {
+        let mut held = Held(None);
+        tracker.step(&frame(&scene(n)), 1.0, &mut || "1".into(), &mut held);
+        tracker.report(&mut output);
+        let (target, Some(held)) = (&output.targets[0], held.0) else { panic!("frame {n}: no thresholds") };
+        let is_certain = f64::from(target.response) >= held.certain;
+        assert!(held.lost <= held.certain && held.certain <= held.found, "{held:?}");
+        match before {
+            State::Lost => {}
+            _ => assert_eq!(target.state == State::Tracking, is_certain, "frame {n}: {} {held:?}", target.response),
+        }
+        seen[before as usize] += 1;
+        before = target.state;
+    }
+    assert!(seen.iter().all(|&frames| frames > 0), "{seen:?}");
 }

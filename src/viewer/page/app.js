@@ -27,7 +27,6 @@ let shown = [];
 picture.controls(at("layers"));
 marks.onDraft = () => replay.stand();
 targets.onRenew = (id) => marks.renew(id);
-story.thresholds = thresholds;
 
 link.addEventListener("hello", ({ detail: { title, version, now, rows, values } }) => {
   document.title = title;
@@ -50,7 +49,10 @@ link.addEventListener("news", ({ detail }) => {
   for (const event of events) {
     story.tell(event);
     if (event.kind === "marked") marks.settle(event.rect);
-    if (event.kind === "renamed") targets.renamed(event.id, event.text);
+    if (event.kind === "renamed") {
+      targets.renamed(event.id, event.text);
+      story.rename(event.id, event.text, event.at);
+    }
     if (event.kind === "refused") marks.settle(event.rect, event.text);
   }
   if (told) {
@@ -144,24 +146,6 @@ function health() {
     return [dt, dd];
   });
   at("health").replaceChildren(...rows);
-}
-
-// What the response is held against. By default LCMHT's thresholds count in units of what the target usually gets, which
-// is about the median of its responses while it is tracked.
-function thresholds(ids, samples) {
-  const algorithm = tuning.value("algorithm");
-  if (algorithm === "etepf") return named("etepf.modes.", ["certain", "lost"], 1);
-  if (algorithm !== "lcmht") return [];
-  const names = ["activate", "lost", "reacquire"];
-  if (!tuning.value("lcmht.confidence.relative")) return named("lcmht.confidence.", names, 1);
-  const tracked = samples.flatMap(([, , , all]) => all.filter(([id, state]) => id === ids[0] && state === 0).map((t) => t[3]));
-  if (!tracked.length) return [];
-  tracked.sort((a, b) => a - b);
-  return named("lcmht.confidence.", names, tracked[Math.floor(tracked.length / 2)]);
-}
-
-function named(prefix, names, unit) {
-  return names.map((name) => [name, tuning.value(prefix + name) * unit]).filter(([, value]) => value > 0);
 }
 
 link.open();

@@ -4,6 +4,8 @@
 const SPAN = 180000;
 const EVENTS = 60;
 const STATES = ["tracking", "uncertain", "lost"];
+// What a response is held against, in the order of a sample's figures.
+const THRESHOLDS = ["certain", "lost", "found"];
 const PALETTE = ["--accent", "--warn", "--good", "--lost"];
 // Targets that have lanes and lines of their own.
 const MOST_TARGETS = 4;
@@ -20,7 +22,6 @@ export class Story {
     this.canvas = document.getElementById("strip");
     this.list = document.getElementById("events");
     this.legend = document.getElementById("legend");
-    this.thresholds = () => [];
     this.offset = 0;
     this.isDue = false;
     new ResizeObserver(() => this.plan()).observe(this.canvas);
@@ -46,6 +47,15 @@ export class Story {
   beginRun(previous) {
     this.previous = previous;
     this.samples = [];
+  }
+
+  // A target was called otherwise from a time on: it keeps its lane.
+  rename(id, to, from) {
+    for (const [at, , , targets] of this.samples) {
+      if (at > from && !this.place) break;
+      for (const target of targets) if (target[0] === id) target[0] = to;
+    }
+    this.plan();
   }
 
   // A recording is shown, at this frame of so many: the strip is all of it.
@@ -107,7 +117,8 @@ export class Story {
     this.lasts = place ? 1 : 40;
 
     const bands = (this.previous.length ? 17 : 12) * Math.max(ids.length, 1);
-    const lane = (height - bands - 22 - 3 * 16) / 4;
+    // Three lanes with their headings, and the line of times.
+    const lane = (height - bands - 3 * 15 - 3 * 3 - 16) / 3;
     let top = 0;
     const heading = (text) => {
       pen.fillStyle = colour("--soft");
@@ -130,35 +141,27 @@ export class Story {
     this.lines(pen, ids, 2, x, scaled(top + lane, lane, 1), colour);
     top += lane + 3;
 
-    heading("response");
-    const thresholds = this.thresholds(ids, samples);
-    const highest = Math.max(0.1, ...thresholds.map((t) => t[1] * 1.1), ...samples.flatMap((s) => s[3].map((t) => t[3])));
+    const held = samples.findLast((s) => s[3][0]?.[4])?.[3][0][4];
+    const named = held?.map((value, i) => `${THRESHOLDS[i]} ${value.toFixed(2)}`).join(" · ");
+    heading(named ? `response, dashed what it is held against: ${named}` : "response");
+    const highest = samples.reduce((most, s) => Math.max(most, ...s[3].flatMap((t) => [t[3], ...(t[4] ?? [])])), 0.1);
     grid(top, top + lane);
     const level = scaled(top + lane, lane, highest);
-    pen.setLineDash([5, 4]);
-    thresholds.forEach(([name, value], i) => {
-      pen.strokeStyle = colour("--soft");
-      line(pen, [[0, level(value)], [width, level(value)]]);
-      pen.fillStyle = colour("--soft");
-      // Beside each other, for they may lie close.
-      pen.fillText(name, width - 66 * (i + 1), level(value) - 2);
-    });
-    pen.setLineDash([]);
+    this.thresholds(pen, ids, x, level, colour);
     this.lines(pen, ids, 3, x, level, colour);
     top += lane + 3;
 
     const slowest = samples.map((s) => s[2]).sort((a, b) => a - b)[Math.floor(0.99 * samples.length)] ?? 0;
     const longest = Math.max(20, slowest);
     heading(place ? `time a frame took (to ${longest.toFixed(0)} ms)` : `latency (to ${longest.toFixed(0)} ms) and skipped frames`);
-    const tall = height - top - 16;
-    grid(top, top + tall);
+    grid(top, top + lane);
     pen.strokeStyle = colour("--soft");
-    const late = scaled(top + tall, tall, longest);
+    const late = scaled(top + lane, lane, longest);
     line(pen, samples.map(([at, , latency]) => [x(at), late(latency)]), this.gap, samples);
     pen.fillStyle = colour("--lost");
     const most = Math.max(4, ...samples.map((s) => s[1]));
     for (const [at, skipped] of samples) {
-      if (skipped) pen.fillRect(x(at) - 1, top + tall - (skipped / most) * tall, 2, (skipped / most) * tall);
+      if (skipped) pen.fillRect(x(at) - 1, top + lane - (skipped / most) * lane, 2, (skipped / most) * lane);
     }
     pen.fillStyle = colour("--soft");
     const [from, to] = place ? ["frame 1", `${place.frames}`] : [`${Math.round(span / 1000)} s ago`, "now"];
@@ -180,6 +183,19 @@ export class Story {
       pen.fillStyle = colour(["--tracking", "--uncertain", "--gone"][target[1]]);
       pen.fillRect(x(at), top, Math.max(x(until) - x(at), 1) + 0.3, tall);
     }
+  }
+
+  // What responses are held against, of several targets in their colours.
+  thresholds(pen, ids, x, y, colour) {
+    pen.setLineDash([5, 4]);
+    ids.forEach((id, i) => {
+      pen.strokeStyle = colour(ids.length > 1 ? PALETTE[i] : "--soft");
+      const known = this.samples.flatMap((s) => s[3].filter((t) => t[0] === id && t[4]).map((t) => [s[0], t[4]]));
+      THRESHOLDS.forEach((_, which) => {
+        line(pen, known.map(([at, values]) => [x(at), y(values[which])]), this.gap, known);
+      });
+    });
+    pen.setLineDash([]);
   }
 
   lines(pen, ids, field, x, y, colour) {

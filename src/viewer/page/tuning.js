@@ -128,11 +128,6 @@ export class Tuning {
       told.textContent = why.message;
     }
   }
-
-  // The value of a parameter.
-  value(name) {
-    return this.fields.get(name)?.value;
-  }
 }
 
 // One parameter.
