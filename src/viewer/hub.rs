@@ -201,31 +201,29 @@ impl Hub {
     /// Makes the pictures of a frame that pages wait for, one of each size, and wakes them.
     pub fn show(&self, view: &View) -> Result<(), EncodingError> {
         let at = self.now();
-        let (sides, moments, number) = {
+        let (sides, number, moments) = {
             let mut inner = self.lock();
+            let inner = &mut *inner;
             inner.shown += 1;
             inner.is_waited_for = false;
             let waiting = inner.pages.iter().filter(|page| page.wishes > 0);
             let mut sides: Vec<u32> = waiting.map(|page| picture::side(page.side, &view.frame)).collect();
             sides.sort_unstable();
             sides.dedup();
-            (sides, std::mem::take(&mut inner.moments), inner.shown)
+            // The tracker may be at a later frame by now.
+            (sides, inner.shown, inner.moments.extract_if(.., |moment| moment.stamp == view.stamp).collect::<Vec<_>>())
         };
-        let made = self.make(view, &sides, number, at);
+        let make = |side| {
+            let message = picture::message(view, side, number, at)?.into();
+            Ok(Picture { number, side, message })
+        };
+        let made: Result<_, EncodingError> = sides.into_iter().map(make).collect();
         let moments: Vec<_> = moments.into_iter().map(|moment| with_picture(moment, view)).collect();
         let mut inner = self.lock();
         moments.into_iter().for_each(|moment| inner.events.push(moment));
         inner.pictures = made?;
         inner.wake();
         Ok(())
-    }
-
-    fn make(&self, view: &View, sides: &[u32], number: u64, at: u64) -> Result<Vec<Picture>, EncodingError> {
-        let make = |&side: &u32| {
-            let message = picture::message(view, side, number, at)?;
-            Ok(Picture { number, side, message: message.into() })
-        };
-        sides.iter().map(make).collect()
     }
 
     /// Another run through a recording begins; the figures of the last are kept beside its own.
@@ -235,6 +233,7 @@ impl Hub {
         inner.samples.next = 0;
         inner.run += 1;
         inner.lost.clear();
+        inner.moments.clear();
         inner.wake();
     }
 
@@ -372,11 +371,9 @@ impl Inner {
     }
 }
 
-/// The event with its picture, if that is its frame and can be drawn.
+/// The event of this frame with its picture, if that can be drawn.
 fn with_picture(mut moment: Happened, view: &View) -> Happened {
-    if let Event::Changed { rect, state, .. } = &moment.event
-        && moment.stamp == view.stamp
-    {
+    if let Event::Changed { rect, state, .. } = &moment.event {
         moment.picture = picture::moment(&view.frame, rect, *state).ok();
     }
     moment
@@ -397,8 +394,12 @@ mod tests {
     }
 
     fn note(hub: &Hub, targets: &[Target], skipped: u32) -> bool {
+        note_of(hub, 5, targets, skipped)
+    }
+
+    fn note_of(hub: &Hub, stamp: i64, targets: &[Target], skipped: u32) -> bool {
         let thresholds = KeptThresholds::default();
-        hub.note(&Said { stamp: Some(5), targets, thresholds: &thresholds, skipped, latency: 1.0 })
+        hub.note(&Said { stamp: Some(stamp), targets, thresholds: &thresholds, skipped, latency: 1.0 })
     }
 
     fn show(hub: &Hub) {
@@ -439,10 +440,11 @@ mod tests {
         let page = hub.enter(1, Box::new(|| {})).unwrap();
         assert!(!note(&hub, &[target(State::Lost)], 0), "it was lost before");
         assert!(note(&hub, &[target(State::Tracking)], 0));
+        assert!(note_of(&hub, 6, &[target(State::Lost)], 0), "before the frame of the first is shown");
         assert!(hub.news(&mut known).events.is_empty());
         show(&hub);
         let told = hub.news(&mut known).events;
-        assert!(told.len() == 1 && told[0].picture.is_some());
+        assert!(told.len() == 1 && told[0].picture.is_some(), "the other waits for its own frame");
         assert_eq!(serde_json::to_value(&told[0]).unwrap()["kind"], "found");
         hub.leave(page);
     }

@@ -124,8 +124,8 @@ function figures() {
   const rate = (count) => ((count * 1000) / WINDOW).toFixed(0);
   const latency = recent.reduce((sum, sample) => sum + sample[2], 0) / recent.length;
   const skipped = recent.reduce((sum, sample) => sum + sample[1], 0);
-  const parts = [[rate(recent.length), " frames/s · "], [latency.toFixed(1), " ms latency · "], [skipped, " skipped · shown "], [rate(shown.length), "/s"]];
-  at("figures").replaceChildren(...parts.flatMap(([value, unit]) => {
+  const words = [[rate(recent.length), " frames/s · "], [latency.toFixed(1), " ms latency · "], [skipped, " skipped · shown "], [rate(shown.length), "/s"]];
+  at("figures").replaceChildren(...words.flatMap(([value, unit]) => {
     const bold = document.createElement("b");
     bold.textContent = value;
     return [bold, unit];

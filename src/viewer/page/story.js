@@ -1,6 +1,6 @@
 // The last minutes: a strip of figures, and events.
 
-// Milliseconds that the strip shows, and lanes of it: name, height and the largest value of its scale.
+// Milliseconds that the strip shows, and events that are listed.
 const SPAN = 180000;
 const EVENTS = 60;
 const STATES = ["tracking", "uncertain", "lost"];
@@ -215,9 +215,9 @@ export class Story {
   }
 
   explain(ids, colour) {
-    const key = [...ids, ...STATES.map((s) => s)].join("\n");
-    if (this.explained === key + colour("--accent")) return;
-    this.explained = key + colour("--accent");
+    const key = [...ids, colour("--accent")].join("\n");
+    if (this.explained === key) return;
+    this.explained = key;
     const item = (text, shade) => {
       const li = document.createElement("li");
       const swatch = document.createElement("i");
