@@ -369,3 +369,24 @@ fn a_page_that_does_not_ask_is_sent_nothing_and_one_that_asks_the_newest() {
     assert_eq!((&header["stamp"], &header["size"]), (&json!("5"), &json!([64, 48])));
     assert!(!served.hub.wants(), "it asked for one");
 }
+
+#[test]
+fn for_a_page_that_stops_reading_nothing_is_kept() {
+    let served = Served::new("");
+    let mut page = served.page("");
+    page.next("hello");
+    // It asks for as many pictures as it likes; what it asked for is known once this is answered.
+    (0..100).for_each(|_| page.send(&json!({"look": {"side": 64}})));
+    assert_eq!(page.ask(&json!({"stop": {"id": null}})), json!(null));
+    (0..1000).for_each(|_| show(&served.hub));
+    page.send(&json!({"ask": {"number": 4, "command": {"stop": {"id": null}}}}));
+    let (mut pictures, mut told) = (0, String::new());
+    while !told.contains("answer") {
+        match page.message() {
+            Some(Message::Binary(_)) => pictures += 1,
+            Some(Message::Text(text)) => told = text.to_string(),
+            other => panic!("{other:?} came"),
+        }
+    }
+    assert!((1..=2).contains(&pictures), "{pictures} pictures came");
+}
