@@ -11,7 +11,7 @@ use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use support::{Environment, Node, Peer, domain};
+use support::{Environment, Node, Peer, domain, free_port};
 
 /// Python that has rclpy and drives a browser.
 fn python() -> Command {
@@ -36,12 +36,6 @@ fn browse(domain: u32, scenario: &str, link: &str) -> Peer {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peer/browser.py");
     let pictures = pictures();
     Peer::spawn(&mut python(), domain, &script, &[scenario, link, pictures.to_str().expect("a path of text")])
-}
-
-/// A port that nobody listens on.
-fn free_port() -> u16 {
-    let listener = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a port");
-    listener.local_addr().expect("its number").port()
 }
 
 /// A process that is ended with the test.

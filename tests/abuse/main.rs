@@ -8,6 +8,7 @@ mod inputs;
 mod marks;
 mod network;
 mod nothing;
+mod page;
 mod parameter_files;
 mod recordings;
 mod time;

@@ -1,4 +1,4 @@
-//! How busy the machine is, for what is asked in seconds is asked of an idle one.
+//! How busy the machine is, for what is asked in seconds is asked of an idle one; and a port that is free.
 
 use std::time::{Duration, Instant};
 
@@ -17,4 +17,10 @@ pub fn slowness() -> f64 {
     let (begun, before) = (Instant::now(), spent());
     while spent() - before < WORK {}
     (begun.elapsed().as_secs_f64() / WORK.as_secs_f64()).max(1.0)
+}
+
+/// A port that nobody listens on.
+pub fn free_port() -> u16 {
+    let listener = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a port");
+    listener.local_addr().expect("its number").port()
 }

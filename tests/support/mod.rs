@@ -11,7 +11,7 @@ mod process;
 mod sequences;
 
 pub use environment::Environment;
-pub use machine::slowness;
+pub use machine::{free_port, slowness};
 #[cfg(feature = "ros")]
 pub use process::{Node, Peer, domain, scenario};
 pub use sequences::sequence;
