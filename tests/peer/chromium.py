@@ -49,6 +49,7 @@ class Page:
         width, height, ratio, mobile = SIZES[name]
         metrics = {"width": width, "height": height, "deviceScaleFactor": ratio, "mobile": mobile}
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+        self.driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": mobile})
 
     def scheme(self, name):
         features = [{"name": "prefers-color-scheme", "value": name}]
@@ -133,6 +134,34 @@ class Page:
             else:
                 pointer.move_to_location(round(deed[1]), round(deed[2]))
         chain.perform()
+
+    def moment(self, kind):
+        """How bright the middle of the picture is of the newest event of this kind, if there is one."""
+        return self.script("""
+            const items = [...document.querySelectorAll("#events li")];
+            const image = items.find((li) => li.querySelector("b." + arguments[0]))?.querySelector("img");
+            if (!image?.complete || !image.naturalWidth) return null;
+            const [w, h] = [image.naturalWidth, image.naturalHeight];
+            const pen = new OffscreenCanvas(w, h).getContext("2d");
+            pen.drawImage(image, 0, 0);
+            const { data } = pen.getImageData(0.45 * w, 0.4 * h, 0.1 * w, 0.2 * h);
+            return data.reduce((sum, value, i) => (i % 4 < 3 ? sum + value : sum), 0) / (data.length * 0.75);""", kind)
+
+    def touch(self, rect):
+        """Draws a box of the frame with a finger."""
+        left, top, width, height = self.on_page(rect)
+        self.finger((left, top), (left + width / 2, top + height / 3), (left + width, top + height))
+
+    def finger(self, *points):
+        """A finger goes down at the first of these points of the page, over the others, and up."""
+        for kind, (x, y) in zip(["touchStart"] + ["touchMove"] * (len(points) - 1), points):
+            self.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y}]})
+        self.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+    def fill(self, field, text):
+        """Types a text in the place of what is in the field, which is never empty meanwhile."""
+        field.send_keys(Keys.CONTROL, "a")
+        field.send_keys(text, Keys.ENTER)
 
     def keys(self, *keys):
         ActionChains(self.driver).send_keys(*keys).perform()
