@@ -236,7 +236,7 @@ impl Session {
             let dt = self.cadence.advance(frame.stamp());
             let seen = self.see(frame);
             let Self { tracker, zoom, marks, next_id, names, .. } = self;
-            tracker.step(&seen, dt, &mut || new_id(next_id, marks, names), &mut zoom.trace(trace));
+            tracker.step(&seen, dt, &mut || new_id(next_id, marks, names), &mut zoom.trace(&mut names.trace(trace)));
             self.report();
         }
         &self.output
@@ -287,11 +287,12 @@ impl Session {
         let mut cadence = self.cadence.clone();
         cadence.set_out(frame.stamp());
         let seen = self.see(frame);
-        self.tracker.start(&mark.id, &seen, self.zoom.into_known(mark.rect), &mut self.zoom.trace(trace));
+        let rect = self.zoom.into_known(mark.rect);
+        self.tracker.start(&mark.id, &seen, rect, &mut self.zoom.trace(&mut self.names.trace(trace)));
         for frame in later {
             let dt = cadence.advance(frame.stamp());
             let seen = self.see(frame);
-            self.tracker.catch_up(&mark.id, &seen, dt, &mut self.zoom.trace(trace));
+            self.tracker.catch_up(&mark.id, &seen, dt, &mut self.zoom.trace(&mut self.names.trace(trace)));
         }
         if is_first {
             self.cadence = cadence;

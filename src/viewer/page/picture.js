@@ -137,7 +137,8 @@ export class Picture extends EventTarget {
 
   draw() {
     const { header, image } = this;
-    if (!header) return;
+    // A stage without a width, as there is while the page is laid out, has no scale.
+    if (!header || !this.stage.clientWidth) return;
     const [width, height] = header.size;
     // The canvas has the pixels of the picture; the browser stretches it.
     if (this.canvas.width !== image.width || this.canvas.height !== image.height) {
