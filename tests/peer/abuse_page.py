@@ -100,6 +100,10 @@ def page(port, token):
     return stranger
 
 
+def threads(pid):
+    return len(os.listdir(f"/proc/{pid}/task"))
+
+
 def ask(command):
     return f'{{"ask": {{"number": 1, "command": {command}}}}}'
 
@@ -168,7 +172,7 @@ def strangers(pid, port, token):
     marked = peer.start().tracks[0]
     peer.follow(3)
     page(port, token)
-    before, age = resident(pid), marked.age + 3
+    before, busy, age = resident(pid), threads(pid), marked.age + 3
     for attack in refusals(port, token):
         attack()
         page(port, token)
@@ -176,7 +180,7 @@ def strangers(pid, port, token):
         age += 2
         assert (followed.id, followed.age) == (marked.id, age), f"after {attack.__name__}: {followed}"
         print(f"{attack.__name__}: refused; the node holds {resident(pid)} MB, before {before} MB", flush=True)
-        assert resident(pid) < before + ROOM
+        assert resident(pid) < before + ROOM and threads(pid) == busy
     peer.close()
 
 
