@@ -143,7 +143,7 @@ export class Story {
 
     const held = samples.findLast((s) => s[3][0]?.[4])?.[3][0][4];
     const named = held?.map((value, i) => `${THRESHOLDS[i]} ${value.toFixed(2)}`).join(" · ");
-    heading(named ? `response, dashed what it is held against: ${named}` : "response");
+    heading(named ? `response; dashed: ${named}` : "response");
     const highest = samples.reduce((most, s) => Math.max(most, ...s[3].flatMap((t) => [t[3], ...(t[4] ?? [])])), 0.1);
     grid(top, top + lane);
     const level = scaled(top + lane, lane, highest);
