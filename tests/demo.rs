@@ -116,5 +116,8 @@ fn demo(args: &[&str]) -> String {
     let frame = image::open(output.path().join("099.png")).unwrap();
     let sheet = image::open(output.path().join("contact_sheet.png")).unwrap();
     assert!(sheet.width() > 3 * frame.width() && sheet.height() > 4 * frame.height());
+    let animation = output.path().join("demo.png");
+    assert!(std::fs::metadata(&animation).unwrap().len() < 2_000_000);
+    assert_eq!(image::open(&animation).unwrap().width(), frame.width());
     said
 }

@@ -21,17 +21,17 @@ fn check(file: &str, wanted: impl FnOnce(&str) -> String) {
 }
 
 #[test]
-fn the_readme_holds_the_table_of_parameters() {
-    check("README.md", |text| {
-        let (before, rest) = text.split_once(BEGIN).expect("README.md has the mark where the table begins");
-        let (_, after) = rest.split_once(END).expect("README.md has the mark where the table ends");
+fn the_docs_hold_the_table_of_parameters() {
+    check("docs/parameters.md", |text| {
+        let (before, rest) = text.split_once(BEGIN).expect("the mark where the table begins");
+        let (_, after) = rest.split_once(END).expect("the mark where the table ends");
         format!("{before}{BEGIN}{}{END}{after}", params::markdown())
     });
 }
 
 #[test]
 fn the_default_preset_holds_the_defaults() {
-    check("params/default.yaml", |_| params::preset(&Params::default(), "The defaults of every parameter."));
+    check("params/default.yaml", |_| params::preset(&Params::default(), "Every parameter with its default."));
 }
 
 /// What the programs hold of others, with every cargo feature that adds to it.

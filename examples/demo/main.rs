@@ -6,6 +6,7 @@
 
 #![forbid(unsafe_code)]
 
+mod animation;
 mod clip;
 #[path = "../../tests/support/domain.rs"]
 mod domain;
@@ -30,23 +31,23 @@ const GRACE: Duration = Duration::from_secs(20);
 /// Plays a clip to the node over ROS 2, marks a person, and shows how she is followed.
 #[derive(Parser)]
 struct Options {
-    /// Folder for the annotated frames and the contact sheet.
+    /// Folder for the annotated frames, the contact sheet and the moving picture.
     #[arg(long, default_value = "target/demo")]
     output: PathBuf,
-    /// Frames a second.
+    /// Frames per second.
     #[arg(long, default_value_t = clip::RATE, value_parser = rate)]
     rate: f64,
-    /// Waits with each frame until the last is answered, so that none is skipped on a slow machine.
+    /// Sends each frame only after the last has been answered, so that a slow machine skips none.
     #[arg(long)]
     in_step: bool,
-    /// ROS domain, on this machine only; one that nobody uses unless it is given.
+    /// ROS domain, on this machine only. By default one that nobody uses.
     #[arg(long)]
     domain: Option<u16>,
 }
 
 fn rate(text: &str) -> Result<f64, String> {
-    let rate: f64 = text.parse().map_err(|_| format!("'{text}' is no number"))?;
-    if (1.0..=1000.0).contains(&rate) { Ok(rate) } else { Err("it must lie in 1 to 1000".to_owned()) }
+    let rate: f64 = text.parse().map_err(|_| format!("'{text}' is not a number"))?;
+    if (1.0..=1000.0).contains(&rate) { Ok(rate) } else { Err("must be from 1 to 1000".to_owned()) }
 }
 
 fn main() -> ExitCode {
@@ -67,7 +68,7 @@ fn main() -> ExitCode {
 fn show(options: &Options) -> Result<(), Box<dyn Error>> {
     let frames = clip::frames();
     let marks = clip::marks();
-    let mark = marks.first().and_then(|m| m.rect).ok_or("the first frame is not marked")?;
+    let mark = marks.first().and_then(|m| m.rect).ok_or("the first frame has no mark")?;
 
     // Held until the end.
     let own;
@@ -84,10 +85,11 @@ fn show(options: &Options) -> Result<(), Box<dyn Error>> {
     let run = link::play(&frames, mark, pace, domain)?;
     node.stop()?;
 
-    let sheet = report::draw(&frames, &run.tracks, &options.output)?;
+    let pictures = report::draw(&frames, &run.tracks, &options.output)?;
     print!("{}", report::summary(&run, &marks));
     println!("annotated frames: {}", options.output.display());
-    println!("contact sheet:    {}", sheet.display());
+    println!("contact sheet:    {}", pictures.sheet.display());
+    println!("moving picture:   {}", pictures.animation.display());
     Ok(())
 }
 
@@ -114,7 +116,7 @@ impl Node {
             }
             std::thread::sleep(Duration::from_millis(10));
         }
-        Err("the node does not leave".into())
+        Err("the node does not exit".into())
     }
 }
 

@@ -1,16 +1,17 @@
-//! What is left of the run: annotated frames, a contact sheet, and the figures.
+//! What a run leaves: annotated frames, a contact sheet, a moving picture, and the figures.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use image::{ImageResult, RgbImage, imageops};
+use image::{RgbImage, imageops};
 use long_term_tracker::draw::{self, Scene};
 use long_term_tracker::eval::trajectory::median;
 use long_term_tracker::ros::messages::{Track, TrackArray};
 use long_term_tracker::{Encoding, Frame, Output, Rect, State, Target};
 
-use super::clip::Mark;
+use super::animation;
+use super::clip::{self, Mark};
 use super::link::Run;
 
 /// Frames on the contact sheet, in rows of [`COLUMNS`].
@@ -19,22 +20,31 @@ const COLUMNS: u32 = 3;
 /// Between the frames, in pixels.
 const GAP: u32 = 4;
 
-/// Draws what was said of each frame and writes `NNN.png` and `contact_sheet.png`, whose path is given back.
-pub fn draw(frames: &[RgbImage], tracks: &[Option<TrackArray>], folder: &Path) -> ImageResult<PathBuf> {
+/// The files that [`draw`] writes beside the frames.
+pub struct Pictures {
+    pub sheet: PathBuf,
+    pub animation: PathBuf,
+}
+
+/// Draws what was said of each frame and writes `NNN.png`, `contact_sheet.png` and the moving picture `demo.png`.
+pub fn draw(
+    frames: &[RgbImage],
+    tracks: &[Option<TrackArray>],
+    folder: &Path,
+) -> Result<Pictures, Box<dyn std::error::Error>> {
     std::fs::create_dir_all(folder)?;
     let states: Vec<Option<State>> = tracks.iter().map(|t| t.as_ref()?.tracks.first().map(state)).collect();
     let shown = chosen(&states);
-    let mut tiles = Vec::new();
+    let mut drawn = Vec::new();
     for (index, (frame, message)) in frames.iter().zip(tracks).enumerate() {
         let image = annotated(frame, message.as_ref(), index);
         image.save(folder.join(format!("{index:03}.png")))?;
-        if shown.contains(&index) {
-            tiles.push(image);
-        }
+        drawn.push(image);
     }
-    let path = folder.join("contact_sheet.png");
-    sheet(&tiles).save(&path)?;
-    Ok(path)
+    let pictures = Pictures { sheet: folder.join("contact_sheet.png"), animation: folder.join("demo.png") };
+    sheet(&shown.into_iter().map(|i| &drawn[i]).collect::<Vec<_>>()).save(&pictures.sheet)?;
+    animation::write(&drawn, clip::RATE as u16, &pictures.animation)?;
+    Ok(pictures)
 }
 
 /// What a track says of its target.
@@ -88,14 +98,14 @@ fn chosen(states: &[Option<State>]) -> BTreeSet<usize> {
     chosen
 }
 
-fn sheet(tiles: &[RgbImage]) -> RgbImage {
+fn sheet(tiles: &[&RgbImage]) -> RgbImage {
     let Some(first) = tiles.first() else { return RgbImage::new(1, 1) };
     let (width, height) = (first.width() + GAP, first.height() + GAP);
     let rows = (tiles.len() as u32).div_ceil(COLUMNS);
     let mut sheet = RgbImage::new(COLUMNS * width - GAP, rows * height - GAP);
     for (index, tile) in (0..).zip(tiles) {
         let (column, row) = (index % COLUMNS, index / COLUMNS);
-        imageops::replace(&mut sheet, tile, i64::from(column * width), i64::from(row * height));
+        imageops::replace(&mut sheet, *tile, i64::from(column * width), i64::from(row * height));
     }
     sheet
 }

@@ -33,48 +33,48 @@ choice! {
 group! {
     /// Features of pixels.
     pub struct EtepfFeatures at "etepf.features." {
-        pixels: i64 = 2500, in 64..=1000000, needs Target; "Pixels of the target in the likelihood image, at most: a larger one is seen smaller."
+        pixels: i64 = 2500, in 64..=1000000, needs Target; "Maximum number of target pixels in the likelihood image; a larger target is scaled down."
     }
 }
 
 group! {
     /// The ensemble of weak classifiers.
     pub struct EtepfEnsemble at "etepf.ensemble." {
-        classifiers: i64 = 5, in 1..=12, needs Classifiers; "Weak classifiers."
+        classifiers: i64 = 5, in 1..=12, needs Classifiers; "Number of weak classifiers."
     }
 }
 
 group! {
     /// The adaptive motion model and the particles.
     pub struct EtepfParticles at "etepf.particles." {
-        count: i64 = 10, in 1..=1000, is Basic; "Particles (N). Twice as many are weighed."
-        least_noise: f64 = 5.0, in 0.1..=1000.0, unit "px"; "Least standard deviation of a step across and down."
-        scale_noise: f64 = 0.01, in 0.0001..=0.5; "Standard deviation of a step of the scale."
-        method: EtepfMethod = EtepfMethod::Full, is Ablation; "What finds the target: the whole tracker or, for comparison, one half of it alone."
-        settle: i64 = 10, in 0..=100, is Ablation; "Steps of mean shift, at most, from the mean of the particles to where the target is taken to be; 0 takes the mean, as the paper does."
-        observation: Observation = Observation::Contrast, is Ablation; "What particles are weighed by beside their colours: `mean` is eq 9."
-        parts: i64 = 2, in 1..=8, needs Target, is Ablation; "Parts of the target, one below the other, that have a colour histogram each; 1 as in the paper."
+        count: i64 = 10, in 1..=1000, is Basic; "Number of particles (N). Twice as many are weighted."
+        least_noise: f64 = 5.0, in 0.1..=1000.0, unit "px"; "Minimum standard deviation of a particle's step in x and y."
+        scale_noise: f64 = 0.01, in 0.0001..=0.5; "Standard deviation of a particle's step in scale."
+        method: EtepfMethod = EtepfMethod::Full, is Ablation; "Which part runs: the `full` tracker or, for comparison, only `mean_shift` or `particles`."
+        settle: i64 = 10, in 0..=100, is Ablation; "Maximum number of mean-shift steps from the particles' mean to the reported position. 0 reports the mean, as in the paper."
+        observation: Observation = Observation::Contrast, is Ablation; "Likelihood used to weight particles, besides colour: `mean` is eq 9."
+        parts: i64 = 2, in 1..=8, needs Target, is Ablation; "Number of parts, stacked vertically, with a colour histogram each. The paper has 1."
     }
 }
 
 group! {
     /// The modes TRACK and FIND.
     pub struct EtepfModes at "etepf.modes." {
-        certain: f64 = 0.5, in 0.0..=1.0, is Basic; "Likelihood mean above which the target is certain, and which a lost one must have to be taken up again (T1)."
-        lost: f64 = 0.1, in 0.0..=1.0, is Basic; "Likelihood mean below which it is lost (T2): the mode is FIND."
-        lost_contrast: f64 = 0.25, in -20.0..=20.0, unit "of the first frame's"; "Difference of the likelihood means (eq 4) below which it is lost; -20 leaves that to T2, as in the paper."
-        lost_similar: f64 = 0.4, in 0.0..=1.0; "Similarity of colour histograms below which it is lost; 0 in the paper."
-        similar: f64 = 0.7, in 0.0..=1.0; "Similarity of colour histograms above which a lost target is taken up again (T3); 0.5 in the paper."
-        found_contrast: f64 = 0.4, in -20.0..=20.0, unit "of the first frame's"; "Difference of the likelihood means above which it is taken up again."
-        extent: f64 = 8.0, in 1.0..=32.0, unit "target sizes"; "Side of the area around its last place in which a target is searched."
+        certain: f64 = 0.5, in 0.0..=1.0, is Basic; "Mean likelihood above which the target is TRACKING, and above which a lost one can be re-acquired (T1)."
+        lost: f64 = 0.1, in 0.0..=1.0, is Basic; "Mean likelihood below which the target is LOST and the mode is FIND (T2)."
+        lost_contrast: f64 = 0.25, in -20.0..=20.0, unit "of the first frame's"; "Difference of mean likelihoods (eq 4) below which the target is LOST. -20 leaves the decision to T2, as in the paper."
+        lost_similar: f64 = 0.4, in 0.0..=1.0; "Colour similarity below which the target is LOST. The paper has 0."
+        similar: f64 = 0.7, in 0.0..=1.0; "Colour similarity above which a lost target is re-acquired (T3). The paper has 0.5."
+        found_contrast: f64 = 0.4, in -20.0..=20.0, unit "of the first frame's"; "Difference of mean likelihoods (eq 4) above which a lost target is re-acquired."
+        extent: f64 = 8.0, in 1.0..=32.0, unit "target sizes"; "Side of the area, around the last position, that is searched for a lost target."
     }
 }
 
 group! {
     /// The update of the ensemble and the colours.
     pub struct EtepfUpdate at "etepf.update." {
-        interval: i64 = 5, in 1..=1000, unit "frames"; "Frames from one training to the next."
-        enabled: bool = true, is Ablation; "Trains the ensemble anew and renews the colours from time to time, while the target is certain; the paper does neither."
+        interval: i64 = 5, in 1..=1000, unit "frames"; "Number of frames between trainings."
+        enabled: bool = true, is Ablation; "Retrains the ensemble and updates the colour histograms while the target is TRACKING. The paper does neither."
     }
 }
 

@@ -41,9 +41,9 @@ choice! {
 group! {
     /// Features and layers.
     pub struct LcmhtLayers at "lcmht.layers." {
-        joint: bool = false, needs Filters, is Ablation; "HOG and colour names make one layer of 42 channels as in the paper, instead of a layer each."
-        hog_weight: f64 = 1.0, in 0.0..=10.0, needs Filters, is Ablation; "Energy of the HOG layer, 0 leaves it out; of the joint layer, the weight of its response (gamma of eq 6)."
-        colour_weight: f64 = 0.5, in 0.0..=10.0, needs Filters, is Ablation; "Energy of the colour-name layer, 0 leaves it out; separate layers only."
+        joint: bool = false, needs Filters, is Ablation; "Puts HOG and colour names into one layer of 42 channels, as in the paper, instead of a layer each."
+        hog_weight: f64 = 1.0, in 0.0..=10.0, needs Filters, is Ablation; "Energy of the HOG layer; 0 leaves it out. With `lcmht.layers.joint`, the weight of the joint layer's response (gamma of eq 6)."
+        colour_weight: f64 = 0.5, in 0.0..=10.0, needs Filters, is Ablation; "Energy of the colour-name layer; 0 leaves it out. Ignored with `lcmht.layers.joint`."
     }
 }
 
@@ -72,21 +72,21 @@ choice! {
 group! {
     /// Layers of a convolutional network.
     pub struct LcmhtCnn at "lcmht.cnn." {
-        enabled: bool = true, needs Network, is Basic; "Adds the outputs of a convolutional network to the layers."
-        side: i64 = 192, in 32..=1024, unit "px", needs Network, is Basic; "Side of the network's input, to which the search window is resampled."
-        file: String = "", needs Restart; "ONNX file of the network; empty takes the embedded one, EfficientNet-Lite0 up to block 10."
-        mean: Vec<f64> = vec![127.0; 3], needs Network; "What is taken from the intensities (0 to 255) of each input channel."
-        scale: Vec<f64> = vec![128.0; 3], needs Network; "What the intensities of each input channel are then divided by."
-        order: ChannelOrder = ChannelOrder::Rgb, needs Network; "Order of the input channels."
-        outputs: Vec<String> = ["block4", "block10"].map(String::from), needs Network; "Outputs of the network that become a layer each."
-        weights: Vec<f64> = [0.1, 0.2], needs Filters; "Energy of each of these layers, 0 leaves one out; with a joint hand-crafted layer, the weight of its response (gamma of eq 6)."
-        components: Vec<i64> = [8, 32], needs Filters; "Principal components of each of these layers that are kept; 0 keeps all channels as they are."
-        inference: Inference = Inference::Auto, needs Runtime; "What runs the network."
-        library: String = "", needs Restart; "ONNX Runtime's shared library; empty takes what ORT_DYLIB_PATH names, otherwise the system's."
-        threads: i64 = 1, in 1..=64, needs Runtime; "Threads that run the network."
-        separate: bool = true, needs Filters, is Ablation; "Trains a masked filter on these layers alone, whose response is added to that of the hand-crafted ones; otherwise one filter is trained on all layers."
-        share: f64 = 0.2, in 0.0..=1.0, is Ablation; "Share of that filter's response."
-        regularisation: f64 = 0.2, in 1e-8..=10.0, needs Filters, is Ablation; "Weight of that filter's norm."
+        enabled: bool = true, needs Network, is Basic; "Adds layers of features from a convolutional network."
+        side: i64 = 192, in 32..=1024, unit "px", needs Network, is Basic; "Side of the network's input. The search window is resampled to it."
+        file: String = "", needs Restart; "ONNX file of the network. If empty, the embedded EfficientNet-Lite0 (up to block 10) is used."
+        mean: Vec<f64> = vec![127.0; 3], needs Network; "Mean subtracted from each input channel (0 to 255)."
+        scale: Vec<f64> = vec![128.0; 3], needs Network; "Scale each input channel is then divided by."
+        order: ChannelOrder = ChannelOrder::Rgb, needs Network; "Order of the network's input channels."
+        outputs: Vec<String> = ["block4", "block10"].map(String::from), needs Network; "Outputs of the network to use, one layer each."
+        weights: Vec<f64> = [0.1, 0.2], needs Filters; "Energy of each of these layers; 0 leaves one out. With `lcmht.layers.joint`, the weight of its response (gamma of eq 6)."
+        components: Vec<i64> = [8, 32], needs Filters; "Number of principal components kept of each of these layers. 0 keeps all channels unchanged."
+        inference: Inference = Inference::Auto, needs Runtime; "Library that runs networks. `auto` uses ONNX Runtime if it is installed and the built-in tract otherwise."
+        library: String = "", needs Restart; "Path of ONNX Runtime's shared library. If empty, ORT_DYLIB_PATH is used, then the system's library path."
+        threads: i64 = 1, in 1..=64, needs Runtime; "Number of threads per network."
+        separate: bool = true, needs Filters, is Ablation; "Trains a separate masked filter on the network's layers and adds its response to that of the hand-crafted layers; otherwise one filter is trained on all layers."
+        share: f64 = 0.2, in 0.0..=1.0, is Ablation; "Share of the separate filter's response."
+        regularisation: f64 = 0.2, in 1e-8..=10.0, needs Filters, is Ablation; "Regularisation of the separate filter."
     }
 }
 
@@ -153,12 +153,12 @@ impl LcmhtCnn {
 group! {
     /// A pair of networks that finds the target as it was marked.
     pub struct LcmhtMatching at "lcmht.matching." {
-        enabled: bool = false, needs Network, is Basic; "Adds a pair of matching networks, which find the target as it was marked: their score map becomes a layer, their boxes tell width and height. Needs backbone and head."
-        backbone: String = "", needs Restart, is Basic; "ONNX file of the network that makes features of template and search window."
-        head: String = "", needs Restart, is Basic; "ONNX file of the network that finds the template in the search window."
-        share: f64 = 0.35, in 0.0..=1.0; "Share of the score map in the response that the target's place is chosen by."
-        size_rate: f64 = 0.35, in 0.0..=1.0; "Share of the networks' width and height that one frame takes over where they are sure."
-        centre_rate: f64 = 0.5, in 0.0..=1.0; "Share of the networks' centre that is taken over where they are sure."
+        enabled: bool = false, needs Network, is Basic; "Adds a pair of matching networks, which compare the search window with the marked target. Their score map becomes a layer; their boxes give width and height. Needs `lcmht.matching.backbone` and `.head`."
+        backbone: String = "", needs Restart, is Basic; "ONNX file of the backbone, which computes features of the template and the search window."
+        head: String = "", needs Restart, is Basic; "ONNX file of the head, which locates the template in the search window."
+        share: f64 = 0.35, in 0.0..=1.0; "Share of the score map in the response that selects the target's position."
+        size_rate: f64 = 0.35, in 0.0..=1.0; "Rate at which width and height follow the networks' box where its score is high."
+        centre_rate: f64 = 0.5, in 0.0..=1.0; "Rate at which the centre follows the networks' box where its score is high."
     }
 }
 
@@ -166,78 +166,78 @@ group! {
     /// The correlation filter.
     pub struct LcmhtFilter at "lcmht.filter." {
         window: f64 = 4.0, in 1.5..=8.0, unit "target sizes", needs Filters, is Basic; "Side of the search window."
-        cells: i64 = 48, in 16..=96, needs Filters; "Cells along the longer side of the search window; windows that need fewer at 4 px a cell get fewer where the shape is that of the target."
-        learning_rate: f64 = 0.03, in 0.0..=1.0; "Weight of a new sample (eta of eq 8)."
-        interval: i64 = 2, in 1..=100, unit "frames"; "Frames from one update to the next."
-        kind: FilterKind = FilterKind::Masked, needs Filters, is Ablation; "The correlation filter."
-        window_shape: WindowShape = WindowShape::Square, needs Filters, is Ablation; "Shape of the search window."
-        regularisation: f64 = 0.05, in 1e-8..=10.0, needs Filters, is Ablation; "Weight of the filter's norm (lambda of eq 2); a separate filter of the network's layers has its own."
-        recrop: bool = false, is Ablation; "Cuts the sample to learn anew around the position found, as the paper does, instead of shifting the one that was searched."
-        subcell: bool = true, is Ablation; "Refines the peak below a cell of the response map."
+        cells: i64 = 48, in 16..=96, needs Filters; "Number of cells along the longer side of the search window. With `lcmht.filter.window_shape` = `target`, small windows use fewer, at 4 px per cell."
+        learning_rate: f64 = 0.03, in 0.0..=1.0; "Learning rate: the weight of a new sample (eta of eq 8)."
+        interval: i64 = 2, in 1..=100, unit "frames"; "Number of frames between updates of the filter."
+        kind: FilterKind = FilterKind::Masked, needs Filters, is Ablation; "Correlation filter: `masked` is confined to the target and trained on a memory of samples; `kernelised` is the paper's."
+        window_shape: WindowShape = WindowShape::Square, needs Filters, is Ablation; "Shape of the search window: a `square`, or that of the `target`."
+        regularisation: f64 = 0.05, in 1e-8..=10.0, needs Filters, is Ablation; "Regularisation of the filter (lambda of eq 2). The network's separate filter has its own."
+        recrop: bool = false, is Ablation; "Crops a new training sample at the position found, as in the paper, instead of shifting the one that was searched."
+        subcell: bool = true, is Ablation; "Refines the peak of the response map to sub-cell precision."
     }
 }
 
 group! {
     /// The scale filter.
     pub struct LcmhtScale at "lcmht.scale." {
-        enabled: bool = true, needs Scale, is Basic; "Estimates the target's size by a scale filter; otherwise it stays as marked."
-        max_step: f64 = 0.1, in 0.0..=100.0, unit "target sizes a frame"; "Way of the target from one frame to the next beyond which it is blurred too much for its size to be told, and keeps that it had."
-        area: f64 = 2048.0, in 64.0..=16384.0, unit "square px", needs Scale, is Ablation; "Area of the crops that sizes are compared in: larger ones tell sizes apart more finely, and take longer."
+        enabled: bool = true, needs Scale, is Basic; "Estimates the target's size with a scale filter; otherwise the size stays as marked."
+        max_step: f64 = 0.1, in 0.0..=100.0, unit "target sizes a frame"; "Motion per frame above which blur makes the size unreliable, so the last size is kept."
+        area: f64 = 2048.0, in 64.0..=16384.0, unit "square px", needs Scale, is Ablation; "Area of the crops used to compare sizes. Larger crops resolve size more finely and take longer."
     }
 }
 
 group! {
     /// What is made of a response.
     pub struct LcmhtConfidence at "lcmht.confidence." {
-        activate: f64 = 0.5, in 0.0..=10.0, is Basic; "Response below which the target is uncertain and nothing is learned (T_ad)."
-        lost: f64 = 0.35, in 0.0..=10.0, is Basic; "Mean response of uncertain frames below which the target is lost and re-detection begins."
-        patience: i64 = 5, in 0..=1000, unit "frames", is Basic; "Uncertain frames before the target can be lost."
-        reacquire: f64 = 0.6, in 0.0..=10.0; "Response that a lost target must get where the detector proposes it; where it is expected, activate is enough."
-        train: f64 = 0.6, in 0.0..=10.0; "Response above which the detector learns (T_td)."
-        relative: bool = true, is Ablation; "Measures responses in units of what the target usually gets; otherwise the thresholds are responses, as in the paper."
-        gate: bool = true, is Ablation; "Learns only while the target is certain; otherwise in every frame, as the paper's Algorithm 1."
-        calibrated: bool = true, is Ablation; "Reports as confidence how probable it is that the box overlaps the target by more than half; otherwise the response in units of what the target usually gets."
+        activate: f64 = 0.5, in 0.0..=10.0, is Basic; "Response below which the target is UNCERTAIN and nothing is learned (T_ad)."
+        lost: f64 = 0.35, in 0.0..=10.0, is Basic; "Mean response over UNCERTAIN frames below which the target is LOST and re-detection begins."
+        patience: i64 = 5, in 0..=1000, unit "frames", is Basic; "Minimum number of UNCERTAIN frames before the target can be LOST."
+        reacquire: f64 = 0.6, in 0.0..=10.0; "Response needed to re-acquire a lost target at a position proposed by the detector. At the predicted position `lcmht.confidence.activate` is enough."
+        train: f64 = 0.6, in 0.0..=10.0; "Response above which the detector is trained (T_td)."
+        relative: bool = true, is Ablation; "Measures responses relative to the target's usual response; otherwise the thresholds are absolute, as in the paper."
+        gate: bool = true, is Ablation; "Learns only while the target is TRACKING; otherwise in every frame, as in the paper's Algorithm 1."
+        calibrated: bool = true, is Ablation; "Reports the confidence as the probability that the box overlaps the target by more than half; otherwise as the response relative to the usual one."
     }
 }
 
 group! {
     /// The constant-velocity model.
     pub struct LcmhtMotion at "lcmht.motion." {
-        enabled: bool = true, is Ablation; "Looks for the target where the motion model expects it; otherwise where it was, as in the paper."
-        form: MotionForm = MotionForm::Size, needs Motion, is Ablation; "What the model holds of a box. Lengths count in target sizes."
-        prior_min: f64 = 0.4, in 0.01..=10.0, unit "target sizes", is Ablation; "Least width of the Gaussian by which a peak counts less the farther it is from where the target is expected."
-        prior_max: f64 = 2.0, in 0.01..=10.0, unit "target sizes", is Ablation; "Greatest width of that Gaussian."
+        enabled: bool = true, is Ablation; "Centres the search window on the predicted position; otherwise on the last one, as in the paper."
+        form: MotionForm = MotionForm::Size, needs Motion, is Ablation; "State vector of the motion model."
+        prior_min: f64 = 0.4, in 0.01..=10.0, unit "target sizes", is Ablation; "Minimum standard deviation of the Gaussian prior that weights peaks by their distance from the predicted position."
+        prior_max: f64 = 2.0, in 0.01..=10.0, unit "target sizes", is Ablation; "Maximum standard deviation of that prior."
     }
 }
 
 group! {
     /// The online support vector machine that re-detects.
     pub struct LcmhtSvm at "lcmht.svm." {
-        scan_extent: f64 = 6.0, in 1.5..=16.0, unit "target sizes", is Basic; "Side of the area that is scanned for a lost target."
-        opinion: f64 = 0.3, in 0.0..=10.0; "Share of the response that each unit of a negative margin takes away in every frame; 0 asks the detector only for a lost target, as the paper."
-        least_margin: f64 = 0.0, in -100.0..=100.0, is Ablation; "Margin below which a lost target is not taken up again, whatever its response."
-        interval: i64 = 1, in 1..=1000, is Ablation; "Updates of the filter from one training of the detector to the next."
+        scan_extent: f64 = 6.0, in 1.5..=16.0, unit "target sizes", is Basic; "Side of the area that is searched for a lost target."
+        opinion: f64 = 0.3, in 0.0..=10.0; "How much a negative SVM margin lowers the response, per unit of margin, in every frame. 0 uses the detector only for lost targets, as in the paper."
+        least_margin: f64 = 0.0, in -100.0..=100.0, is Ablation; "SVM margin below which a lost target is not re-acquired, whatever its response."
+        interval: i64 = 1, in 1..=1000, is Ablation; "Number of filter updates per training of the detector."
     }
 }
 
 group! {
     /// Altered looks at the target in the first frame.
     pub struct LcmhtAugment at "lcmht.augment." {
-        enabled: bool = true, needs Filters, is Ablation; "Trains a masked filter on altered looks at the target in the first frame as well, which weigh as much as the true one."
+        enabled: bool = true, needs Filters, is Ablation; "Also trains masked filters on augmented views of the target in the first frame, which together weigh as much as the original."
     }
 }
 
 group! {
     /// Search windows that turn with the target.
     pub struct LcmhtTurn at "lcmht.turn." {
-        enabled: bool = true; "Looks for a target that answers poorly in pictures turned to either side as well, and goes on with that in which it answers better; otherwise the picture stays as it is."
+        enabled: bool = true; "When the response is low, also searches windows rotated to either side and keeps the better rotation; otherwise the search window stays upright."
     }
 }
 
 group! {
     /// What looks like the target and is not.
     pub struct LcmhtNeighbours at "lcmht.neighbours." {
-        enabled: bool = true, is Ablation; "Follows what looks like the target as well, so that a peak which it explains is not taken for the target."
+        enabled: bool = true, is Ablation; "Also tracks objects that look like the target, so that their peaks are not taken for the target."
     }
 }
 

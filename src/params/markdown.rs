@@ -1,21 +1,21 @@
-//! The table of parameters for people to read: Markdown for the README.
+//! The table of parameters for people to read: Markdown for `docs/parameters.md`.
 
 use std::fmt::Write as _;
 
 use super::{Descriptor, Need, Tier, descriptors};
 
-/// A Markdown table of the parameters of each tier, in the order of the table of parameters, with what the words mean
-/// that say what a change needs.
+/// A Markdown table of the parameters of each tier, in the order of the table of parameters, after a table of what the
+/// words in its column *change* mean.
 pub fn markdown() -> String {
-    let mut text = String::from("What becomes of a change while the program runs:\n\n");
+    let mut text = String::from("| change | what a change does while the program runs |\n|---|---|\n");
     for need in Need::ALL {
-        let _ = writeln!(text, "* *{}*: it {}.", need.name(), need.about());
+        let _ = writeln!(text, "| *{}* | {} |", need.name(), need.about());
     }
     for tier in Tier::ALL {
         let of_tier: Vec<_> = descriptors().iter().filter(|d| d.tier == tier).collect();
         let _ = writeln!(
             text,
-            "\n### {}: {}\n\n{} parameters.\n\n| parameter | type | default | allowed | a change | meaning |\n\
+            "\n### {}: {}\n\n{} parameters.\n\n| parameter | type | default | allowed | change | meaning |\n\
              |---|---|---|---|---|---|",
             capitalised(tier.name()),
             tier.about(),

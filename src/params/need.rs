@@ -75,17 +75,17 @@ impl Need {
     pub const fn about(self) -> &'static str {
         match self {
             Self::Nothing => "takes effect on the next frame",
-            Self::Runtime => "takes effect once the network is loaded anew, which takes its time in the background",
+            Self::Runtime => "takes effect once the network has been reloaded in the background",
             Self::Network => {
-                "has the network loaded in the background, and the filters made anew once the target is certain"
+                "reloads the network in the background, then rebuilds the filters once the target is TRACKING"
             }
-            Self::Filters => "has the filters made anew once the target is certain",
-            Self::Scale => "has the scale filter made anew once the target is certain",
-            Self::Motion => "has the motion filter begin anew on the next frame",
-            Self::Classifiers => "has the weak classifiers trained anew on what they have learned from",
-            Self::Target => "has the target learned anew once it is certain",
-            Self::Background => "has the background learned anew from the next frame on",
-            Self::Start => "is for targets that start later",
+            Self::Filters => "rebuilds the filters once the target is TRACKING",
+            Self::Scale => "rebuilds the scale filter once the target is TRACKING",
+            Self::Motion => "restarts the motion filter on the next frame",
+            Self::Classifiers => "retrains the weak classifiers on the stored samples",
+            Self::Target => "relearns the target once it is TRACKING",
+            Self::Background => "relearns the background from the next frame on",
+            Self::Start => "applies to targets that start later",
             Self::Restart => "is refused while the program runs",
         }
     }

@@ -33,18 +33,18 @@ choice! {
 group! {
     /// What all trackers and ends share.
     pub struct General at "" {
-        algorithm: Algorithm = Algorithm::Lcmht, needs Restart, is Basic; "The tracker that follows the target."
-        image_transport: ImageTransport = ImageTransport::Raw, needs Restart, is Basic; "How images arrive: on `image` as they are, or on `image/compressed` as JPEG or PNG."
-        max_targets: i64 = 1, in 1..=64, is Basic; "Targets that are followed at the same time. With 1, a new mark takes the place of the last; with more, it adds a target until there are as many. Targets that are found without a mark do not count."
-        seed: i64 = 0, in 0..=i64::MAX, needs Restart; "Seed of every random choice; the same seed gives the same boxes."
+        algorithm: Algorithm = Algorithm::Lcmht, needs Restart, is Basic; "The tracker to use."
+        image_transport: ImageTransport = ImageTransport::Raw, needs Restart, is Basic; "How images arrive: `raw` on `image`, or `compressed` (JPEG or PNG) on `image/compressed`."
+        max_targets: i64 = 1, in 1..=64, is Basic; "Maximum number of marked targets. With 1, a new mark replaces the target; with more, it adds one until the maximum is reached. Targets found without a mark do not count."
+        seed: i64 = 0, in 0..=i64::MAX, needs Restart; "Seed of the random number generator. The same seed gives the same boxes."
     }
 }
 
 group! {
     /// How images of 16 bits are read.
     pub struct LevelParams at "levels." {
-        black: i64 = 0, in 0..=65535; "Value of 16-bit images that is taken for black."
-        white: i64 = 65535, in 0..=65535; "Value of 16-bit images that is taken for white; where it is below black, low values are light."
+        black: i64 = 0, in 0..=65535; "Pixel value shown as black in 16-bit images."
+        white: i64 = 65535, in 0..=65535; "Pixel value shown as white in 16-bit images. If it is below `levels.black`, the image is inverted."
     }
 }
 
@@ -59,18 +59,18 @@ impl LevelParams {
 group! {
     /// Frames that are kept, so that a mark may name one that has passed.
     pub struct HistoryParams at "history." {
-        frames: i64 = 30, in 0..=1000; "Frames that are kept for marks on `~/init_detection`, which may name one of them; 0 keeps none."
-        megabytes: i64 = 64, in 1..=4096, unit "MB"; "Memory that the kept frames may take; the oldest go first."
+        frames: i64 = 30, in 0..=1000; "Number of past frames kept, so that a mark on `~/init_detection` can refer to one of them. 0 keeps none."
+        megabytes: i64 = 64, in 1..=4096, unit "MB"; "Maximum memory for the kept frames. The oldest are dropped first."
     }
 }
 
 group! {
     /// What images, messages, files and the process may take. A peer cannot raise these: they are fixed at the start.
     pub struct Limits at "limits." {
-        image_mb: i64 = 300, in 1..=65536, unit "MB", needs Restart; "Largest image that is decoded, by the size of its pixels in memory; the default fits 8K with four channels of 16 bits."
-        message_mb: i64 = 320, in 1..=65536, unit "MB", needs Restart; "Largest message of a recording, decompressed."
-        file_mb: i64 = 512, in 1..=65536, unit "MB", needs Restart; "Largest network file that is loaded."
-        memory_mb: i64 = 4096, in 64..=1048576, unit "MB", needs Restart; "Resident memory above which the node ends itself, with an error that says so."
+        image_mb: i64 = 300, in 1..=65536, unit "MB", needs Restart; "Maximum size of a decoded image in memory. The default fits 8K with four 16-bit channels."
+        message_mb: i64 = 320, in 1..=65536, unit "MB", needs Restart; "Maximum size of a message in a recording, after decompression."
+        file_mb: i64 = 512, in 1..=65536, unit "MB", needs Restart; "Maximum size of a network file."
+        memory_mb: i64 = 4096, in 64..=1048576, unit "MB", needs Restart; "Resident memory above which the node exits with an error."
     }
 }
 
@@ -99,18 +99,18 @@ fn bytes(megabytes: i64) -> u64 {
 group! {
     /// Debug images.
     pub struct Debug at "debug." {
-        max_side: i64 = 208, in 16..=4096, unit "px"; "Largest side of raw debug images; larger frames are scaled down, for default DDS peers lose images of more than 130 KB."
-        compressed_max_side: i64 = 640, in 16..=65536, unit "px"; "Largest side of compressed debug images; larger frames are scaled down."
-        jpeg_quality: i64 = 80, in 1..=100; "JPEG quality of compressed debug images, and of the live page's pictures."
+        max_side: i64 = 208, in 16..=4096, unit "px"; "Maximum side of raw debug images; larger frames are scaled down. DDS peers with default settings lose images above about 130 KB."
+        compressed_max_side: i64 = 640, in 16..=65536, unit "px"; "Maximum side of compressed debug images; larger frames are scaled down."
+        jpeg_quality: i64 = 80, in 1..=100; "JPEG quality of compressed debug images and of the live page."
     }
 }
 
 group! {
     /// The live page.
     pub struct ViewerParams at "viewer." {
-        port: i64 = 0, in 0..=65535, needs Restart, is Basic; "Port of the live page, on which targets are marked, watched and tuned in a browser; 0 serves none."
-        address: String = "127.0.0.1", needs Restart; "IP address on which the live page is served; 0.0.0.0 opens it to other machines, which then need a token."
-        token: String = "", needs Restart; "What a browser must show to use the live page: at least 16 letters and digits. Empty: off loopback one is made and told in the log, on loopback none is asked for."
+        port: i64 = 0, in 0..=65535, needs Restart, is Basic; "Port of the live page, where you mark, watch and tune in a browser. 0 switches it off."
+        address: String = "127.0.0.1", needs Restart; "IP address the live page listens on. 0.0.0.0 lets other machines connect; they need a token."
+        token: String = "", needs Restart; "Token a browser must present to use the live page: at least 16 letters and digits. If empty, no token is needed on loopback; on any other address one is generated and logged."
     }
 }
 

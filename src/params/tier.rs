@@ -27,11 +27,10 @@ impl Tier {
     /// What they are for.
     pub const fn about(self) -> &'static str {
         match self {
-            Self::Basic => "to look at first",
-            Self::Advanced => "for cameras and scenes that the defaults do not fit",
+            Self::Basic => "the ones to look at first",
+            Self::Advanced => "for cameras and scenes the defaults do not fit",
             Self::Ablation => {
-                "for comparison with the papers, or with a tracker that lacks one of its parts; no other value is \
-                 better"
+                "for comparison with the papers, or to switch off one part of a tracker; no other value is better"
             }
         }
     }

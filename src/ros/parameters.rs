@@ -372,7 +372,7 @@ mod tests {
         }
         assert_eq!(s.describe("algorithm").unwrap().constraints, "one of lcmht, etepf, maptrack");
         let waits =
-            "one of masked, kernelised; a change has the filters made anew once the target is certain; for ablation";
+            "one of masked, kernelised; a change rebuilds the filters once the target is TRACKING; for ablation";
         assert_eq!(s.describe("lcmht.filter.kind").unwrap().constraints, waits);
         let names = s.names();
         let place = |name: &str| names.iter().position(|n| *n == name).unwrap();
