@@ -20,10 +20,10 @@ use long_term_tracker::{Session, Trace, cli, replay};
 struct Args {
     /// A folder of images or a bag, as `track` reads them.
     source: PathBuf,
-    /// A ROS parameter file; of several, later ones win.
+    /// A ROS parameter file. May be given several times; later files override earlier ones.
     #[arg(long, value_name = "FILE.yaml")]
     params: Vec<PathBuf>,
-    /// Sets a parameter; wins over files.
+    /// Sets a parameter; overrides files.
     #[arg(short = 'p', value_name = "NAME:=VALUE", value_parser = assignment)]
     set: Vec<Assignment>,
 }

@@ -4,10 +4,10 @@
     ros2 run long_term_tracker follow.py --ros-args -p mark:="[528, 182, 31, 101]" \\
         -r camera_info:=/camera/camera_info -r command:=/pan_tilt/cmd_vel
 
-Listens to the tracks of the tracker and to the camera's intrinsics, and publishes a turning rate for every image
-(geometry_msgs/TwistStamped, rad/s, axes of REP 103: angular.z pans, to the left if positive; angular.y tilts, down if
-positive). The rate is proportional to the angle between the target and the optical axis. While the target is lost, and
-when no tracks come, the rate is zero; it moves again once the target is found again.
+Subscribes to the tracks and to the camera's intrinsics, and publishes a turning rate for every image
+(geometry_msgs/TwistStamped, rad/s, axes of REP 103: positive angular.z pans left, positive angular.y tilts down). The
+rate is proportional to the angle between the target and the optical axis. It is zero while the target is lost or no
+tracks arrive.
 """
 
 import math
@@ -20,7 +20,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 
-# Seconds between looks at whether tracks still come, and between marks until a target is followed.
+# Seconds between checks that tracks still arrive, and between marks until a target is followed.
 WATCH, AGAIN = 0.1, 1.0
 
 
@@ -30,12 +30,12 @@ class Follow(Node):
     def __init__(self):
         super().__init__("follow")
         tracker = self.declare_parameter("tracker", "tracker").value
-        # x, y, width and height of a target to mark at the start, in pixels; zeros follow what others mark.
+        # x, y, width and height of a target to mark at the start, in pixels; zeros: follow what others mark.
         self.box = list(self.declare_parameter("mark", [0, 0, 0, 0]).value)
         if len(self.box) != 4:
             raise ValueError(f"mark has the four numbers x, y, width, height, got {self.box}")
         self.frame = self.declare_parameter("frame_id", "camera_link").value
-        # Rate for each radian that the target is off the axis, in 1/s, and the greatest rate, in rad/s.
+        # Rate per radian off the axis, in 1/s, and the maximum rate, in rad/s.
         self.gain = self.declare_parameter("gain", 1.0).value
         self.most = self.declare_parameter("max_rate", 1.0).value
         # Seconds without tracks after which it stops.
@@ -74,7 +74,7 @@ class Follow(Node):
         self.command(message.header.stamp, pan=-self.gain * right, tilt=self.gain * down)
 
     def mark(self):
-        """The tracker marks the target in its newest image; repeated until it follows one."""
+        """Marks the target in the newest image, again and again until it is followed."""
         x, y, width, height = self.box
         if width <= 0 or height <= 0:
             return
@@ -83,7 +83,7 @@ class Follow(Node):
             self.marks.publish(RegionOfInterest(x_offset=x, y_offset=y, width=width, height=height))
 
     def angles(self, x, y):
-        """How far right of and below the optical axis a pixel is seen, in radians."""
+        """Angles of a pixel to the right of and below the optical axis, in radians."""
         k = self.camera.k
         return math.atan2(x - k[2], k[0]), math.atan2(y - k[5], k[4])
 
@@ -96,7 +96,7 @@ class Follow(Node):
         self.commands.publish(message)
 
     def watch(self):
-        """Stops when tracks cease to come."""
+        """Stops when no more tracks arrive."""
         now = self.get_clock().now()
         if self.heard and (now - self.heard).nanoseconds > self.patience * 1e9:
             self.heard = None

@@ -4,7 +4,7 @@
     ros2 launch long_term_tracker tracker.launch.py namespace:=robot name:=eye preset:=paper log_level:=debug
     ros2 launch long_term_tracker tracker.launch.py --show-args
 
-From another launch file, include it with `IncludeLaunchDescription` and give what differs in `launch_arguments`.
+To use it in another launch file, include it with `IncludeLaunchDescription` and set `launch_arguments`.
 """
 
 from launch import LaunchDescription
@@ -21,25 +21,25 @@ PRESETS = ["default", "fast", "matching", "paper", "etepf", "maptrack", "maptrac
 # Name, default and description.
 ARGUMENTS = [
     ("namespace", "", "Namespace of the node and of its topics."),
-    ("name", "tracker", "Name of the node; its topics and services lie below it."),
-    ("image", "image", "Topic of the raw images; with another image_transport, what that appends to it is listened to."),
-    ("image_transport", "raw", "How images come: raw or compressed; wins over the parameter file."),
-    ("preset", "default", "Which of the package's parameter files."),
+    ("name", "tracker", "Name of the node; its topics and services are below it."),
+    ("image", "image", "Image topic. With image_transport:=compressed, /compressed is appended to it."),
+    ("image_transport", "raw", "How images arrive: raw or compressed. Overrides the parameter file."),
+    ("preset", "default", "One of the package's parameter files."),
     (
         "params_file",
         [PathJoinSubstitution([FindPackageShare(PACKAGE), "params", LaunchConfiguration("preset")]), ".yaml"],
-        "Parameter file in place of a preset's.",
+        "Your own parameter file, instead of a preset.",
     ),
     ("tracks", "~/tracks", "Topic of the tracks."),
-    ("detections", "~/detections", "Topic of the detections for tools that speak vision_msgs."),
-    ("init_roi", "~/init_roi", "Topic on which targets are marked."),
-    ("viewer", "0", "Port of the live page for a browser, on this machine; 0 serves none; wins over the parameter file."),
-    ("use_sim_time", "false", "Accepted as by every node; the tracker takes its time from the images."),
+    ("detections", "~/detections", "Topic of the detections (vision_msgs)."),
+    ("init_roi", "~/init_roi", "Topic for marks."),
+    ("viewer", "0", "Port of the live page, on this machine. 0 switches it off. Overrides the parameter file."),
+    ("use_sim_time", "false", "Accepted, as by every node; the tracker uses the images' stamps."),
     ("log_level", "info", "debug, info, warn, error or fatal."),
 ]
-# What an argument may be, where that is a choice.
+# Allowed values, where there is a choice.
 CHOICES = {"preset": PRESETS, "image_transport": ["raw", "compressed"]}
-# Topics that have an argument of their own.
+# Topics with an argument of their own.
 REMAPPED = {"image": "image", "~/tracks": "tracks", "~/detections": "detections", "~/init_roi": "init_roi"}
 
 
@@ -55,7 +55,7 @@ def generate_launch_description():
         name=LaunchConfiguration("name"),
         output="screen",
         emulate_tty=True,
-        # These come after the file and win over it.
+        # These come after the file and override it.
         parameters=[
             {
                 "image_transport": ParameterValue(LaunchConfiguration("image_transport"), value_type=str),
@@ -64,7 +64,7 @@ def generate_launch_description():
             },
         ],
         remappings=[(topic, LaunchConfiguration(argument)) for topic, argument in REMAPPED.items()],
-        # Handed to the node as it is: what is no file ends the node, where launch would pass it over.
+        # Passed on unchanged: the node exits if the file does not exist, where launch would ignore it.
         ros_arguments=[
             "--log-level",
             LaunchConfiguration("log_level"),

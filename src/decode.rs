@@ -36,7 +36,7 @@ pub enum DecodeError {
     #[error("image of {width} x {height} takes {} MB to decode, limits.image_mb is {}", megabytes(*needed), most / MB)]
     TooLarge { width: u32, height: u32, needed: u64, most: u64 },
     /// Less than the pixels take however they are coded.
-    #[error("cannot be decoded: {len} bytes are too few for {width} x {height} pixels: the data are cut off")]
+    #[error("cannot be decoded: {len} bytes are too few for {width} x {height} pixels: the data are truncated")]
     TooShort { width: u32, height: u32, len: usize },
     /// The image was decoded but cannot be tracked on.
     #[error(transparent)]

@@ -59,12 +59,12 @@ pub enum StartError {
     Outside { rect: Rect, width: u32, height: u32, visible: f64, min: f64 },
     /// There is nothing in and around it that would tell it from other places.
     #[error(
-        "box {rect} shows nothing to follow: what is in and around it varies by {contrast:.1} of 255 levels, at least \
-         {min} are needed"
+        "box {rect} shows nothing to follow: the image in and around it varies by {contrast:.1} of 255 levels, \
+         at least {min} are needed"
     )]
     Blank { rect: Rect, contrast: f64, min: f64 },
     /// As many targets are followed as may be.
-    #[error("{most} targets are followed already, and max_targets is {most}")]
+    #[error("{most} targets are already followed, and max_targets is {most}")]
     Full { most: usize },
     /// There is nothing to start again from.
     #[error("no target has been marked yet")]
@@ -75,10 +75,10 @@ pub enum StartError {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RenameError {
     /// There is none of this name.
-    #[error("no target {0} is followed")]
+    #[error("there is no target {0}")]
     NoTarget(String),
     /// Another has the name.
-    #[error("another target is called {0}")]
+    #[error("another target is already called {0}")]
     Taken(String),
 }
 
@@ -93,16 +93,16 @@ pub enum ParamsError {
     #[error("parameter '{name}' is of type {expected}, got {got}")]
     Type { name: String, expected: &'static str, got: String },
     /// The number lies outside the range.
-    #[error("parameter '{name}' must lie in {range}, got {got}")]
+    #[error("parameter '{name}' must be from {range}, got {got}")]
     Range { name: String, range: String, got: String },
     /// The string is none of the choices.
     #[error("parameter '{name}' must be one of {choices}, got '{got}'")]
     Choice { name: String, choices: String, got: String },
     /// The string or list is longer than any that makes sense.
-    #[error("parameter '{name}' must hold {most} characters or values at most, got {len}")]
+    #[error("parameter '{name}' may hold at most {most} characters or values, got {len}")]
     Long { name: String, len: usize, most: usize },
     /// More changes than make sense.
-    #[error("{len} parameters at a time are too many, at most {most} are looked at")]
+    #[error("{len} parameters at once are too many, at most {most} are accepted")]
     Many { len: usize, most: usize },
     /// The parameter is fixed once the program runs.
     #[error("parameter '{name}' is read-only while the program runs")]
@@ -114,7 +114,7 @@ pub enum ParamsError {
     #[error(transparent)]
     Network(#[from] NetworkError),
     /// `NAME:=VALUE` without the `:=`, or with a value that is no YAML.
-    #[error("'{text}' is no parameter assignment: {source}")]
+    #[error("'{text}' is not a parameter assignment: {source}")]
     Assignment { text: String, source: YamlError },
     /// A parameter file that cannot be read or understood.
     #[error("parameter file {}: {source}", path.display())]
@@ -140,7 +140,7 @@ pub enum NetworkError {
     #[error("network {file} has {len} bytes, limits.file_mb allows {most}")]
     TooLarge { file: String, len: u64, most: u64 },
     /// It is no network, or one that cannot be run.
-    #[error("network {file} cannot be run, expected an ONNX network of images: {why}")]
+    #[error("network {file} cannot be run, expected an ONNX network that takes an image: {why}")]
     Format { file: String, why: String },
     /// It takes something else than one image of the size that the parameters say.
     #[error("network {file} takes {got}, expected one image of 1 x 3 x {side} x {side}")]
@@ -149,10 +149,10 @@ pub enum NetworkError {
     #[error("network {file} has no output '{name}', expected one of {known}")]
     Output { file: String, name: String, known: String },
     /// It computes no numbers.
-    #[error("network {file} gives values that are not finite at output '{name}', expected weights without NaN")]
+    #[error("network {file} gives non-finite values at output '{name}', expected weights without NaN")]
     NotFinite { file: String, name: String },
     /// A file is needed and not named.
-    #[error("lcmht.matching.enabled needs the file of a network, got none in {parameter}: see docs/matching.md")]
+    #[error("lcmht.matching.enabled needs a network file, got none in {parameter}: see docs/matching.md")]
     Unnamed { parameter: String },
     /// It is no backbone or head of a pair that finds a template in a window.
     #[error("network {file} cannot be used for matching: {why}")]

@@ -19,7 +19,7 @@ pub enum FileError {
     #[error("it is {0}, expected a regular file")]
     Irregular(&'static str),
     /// It is larger than what is read.
-    #[error("it has {len} bytes, at most {most} are read")]
+    #[error("it has {len} bytes, at most {most} are allowed")]
     TooLarge { len: u64, most: u64 },
 }
 
@@ -74,7 +74,7 @@ fn name(kind: FileType) -> &'static str {
         _ if kind.is_fifo() => "a FIFO",
         _ if kind.is_char_device() || kind.is_block_device() => "a device",
         _ if kind.is_socket() => "a socket",
-        _ => "no regular file",
+        _ => "not a regular file",
     }
 }
 
@@ -89,7 +89,7 @@ mod tests {
         std::fs::write(&path, "four").unwrap();
         assert_eq!(read(&path, 4).unwrap(), b"four");
         assert_eq!(read_text(&path, 100).unwrap(), "four");
-        assert_eq!(read(&path, 3).unwrap_err().to_string(), "it has 4 bytes, at most 3 are read");
+        assert_eq!(read(&path, 3).unwrap_err().to_string(), "it has 4 bytes, at most 3 are allowed");
         let linked = dir.path().join("b");
         std::os::unix::fs::symlink(&path, &linked).unwrap();
         assert_eq!(read(&linked, 4).unwrap(), b"four");

@@ -60,7 +60,7 @@
 #![forbid(unsafe_code)]
 
 #[cfg(all(feature = "ros", not(feature = "humble")))]
-compile_error!("feature `ros` needs a distribution's: humble, jazzy, kilted or lyrical");
+compile_error!("feature `ros` needs the feature of a distribution: humble, jazzy, kilted or lyrical");
 
 pub mod appearance;
 pub mod cli;

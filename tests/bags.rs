@@ -167,7 +167,7 @@ fn topics_that_cannot_be_meant_are_told_with_those_that_can() {
                  /camera/raw/compressed (sensor_msgs/msg/CompressedImage, 20 messages)";
     for bag in ["mcap", "sqlite"] {
         let bag = made("bags").join(bag);
-        assert_refused(&bag, &[], 2, &["choose by --topic NAME", known]);
+        assert_refused(&bag, &[], 2, &["choose one with --topic NAME", known]);
         assert_refused(&bag, &["--topic", "/camera"], 2, &["no topic '/camera'", known]);
         assert_refused(&bag, &["--topic", "/chatter"], 2, &["'/chatter' holds std_msgs/msg/String", known]);
     }
@@ -188,7 +188,7 @@ fn broken_recordings_are_told_in_one_line() {
     for (part, readable) in [(0.001, false), (0.5, true), (0.99, true)] {
         let len = (mcap.len() as f64 * part) as usize;
         let cut = file("cut.mcap", &mcap[..len]);
-        let told = format!("cut off after {len} bytes");
+        let told = format!("truncated after {len} bytes");
         if readable {
             let output = track(&cut, &topic);
             let said = String::from_utf8_lossy(&output.stderr);
@@ -245,8 +245,8 @@ fn messages_that_give_no_frame_end_the_run_after_the_rows_before_them() {
         (encoded(|i| i.encoding = "rgb7".to_owned()), "encoding 'rgb7' is not supported"),
         (encoded(|i| i.step = 319), "step of 319 bytes is shorter than a row"),
         (encoded(|i| i.height = 241), "data of 76800 bytes is shorter than 241 rows"),
-        (whole[..100].to_vec(), "100 bytes are no sensor_msgs/msg/Image"),
-        (vec![0; 2], "2 bytes are no message"),
+        (whole[..100].to_vec(), "100 bytes are not a sensor_msgs/msg/Image"),
+        (vec![0; 2], "2 bytes are not a message"),
         ([&[0, 9], &whole[2..]].concat(), "representation 0x0009 is not plain CDR"),
     ] {
         let file = fs::File::create(&path).expect("a file");

@@ -151,7 +151,7 @@ fn unusable_arguments_end_with_2_and_the_reason() {
         ("5,5,0,0", "--init: box 0 x 0 at (5, 5) is too small"),
         ("5,5,500,3", "--init: box 500 x 3 at (5, 5) is too small"),
         ("5,5,20", "four numbers x,y,w,h"),
-        ("5,5,20,x", "'x' is no number"),
+        ("5,5,20,x", "'x' is not a number"),
     ] {
         let output = track(dir.path(), &["--init", init]);
         assert_refused(&output, 2, why);
@@ -160,7 +160,7 @@ fn unusable_arguments_end_with_2_and_the_reason() {
     let csv = missing.join("boxes.csv");
     assert_refused(&track(dir.path(), &["--output", csv.to_str().unwrap()]), 2, &csv.display().to_string());
     assert_refused(&track(dir.path(), &["-p", "seed"]), 2, "NAME:=VALUE");
-    assert_refused(&track(dir.path(), &["-p", "seed:=-1"]), 2, "'seed' must lie in");
+    assert_refused(&track(dir.path(), &["-p", "seed:=-1"]), 2, "'seed' must be from");
     assert_refused(&track(dir.path(), &["--algorithm", "guess"]), 2, "'algorithm' must be one of");
     assert_refused(&track(dir.path(), &["--params", missing.to_str().unwrap()]), 2, &missing.display().to_string());
     assert_refused(&track(dir.path(), &["--colour"]), 2, "--colour");
@@ -174,7 +174,7 @@ fn without_a_marked_box_the_target_must_be_given() {
     let expected = format!("no target: give --init X,Y,W,H, for there is no {}", truth.display());
     assert_refused(&track(dir.path(), &[]), 2, &expected);
     std::fs::write(&truth, "1,2,30\n").unwrap();
-    assert_refused(&track(dir.path(), &[]), 2, &format!("{}, line 1: '1,2,30' is no box", truth.display()));
+    assert_refused(&track(dir.path(), &[]), 2, &format!("{}, line 1: '1,2,30' is not a box", truth.display()));
     std::fs::remove_file(&truth).unwrap();
     assert_refused(&track(dir.path(), &[]), 2, &expected);
     assert_eq!(track(dir.path(), &["--init", "30,40,24,32"]).status.code(), Some(0));
@@ -248,7 +248,7 @@ fn evaluation_scores_what_it_can_and_reports_what_it_cannot() {
     let (report, boxes) = (dir.path().join("report.json"), dir.path().join("boxes"));
     let args = ["--json", report.to_str().unwrap(), "--boxes", boxes.to_str().unwrap()];
     let output = evaluate(dir.path(), &args);
-    assert_refused(&output, 1, "error: lcmht, late: the target is not in view on the first frame");
+    assert_refused(&output, 1, "error: lcmht, late: the target is not in view in the first frame");
     assert!(stderr(&output).ends_with("error: 1 of 2 runs failed\n"), "{}", stderr(&output));
     let table = stdout(&output);
     assert!(table.starts_with("lcmht\n"), "{table}");

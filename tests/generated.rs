@@ -49,10 +49,10 @@ const LINKED: [&str; 12] = [
     "--format",
     "{p}|{l}|{r}",
 ];
-const THIRD_PARTY: &str = "# What is linked
+const THIRD_PARTY: &str = "# Linked crates
 
-The crates that the programs are linked from on x86-64, with the licences that their authors offer. The texts lie in the
-sources of each crate, which cargo downloads. `NOTICE` tells of data by others.
+The crates that the programs link to on x86-64, with the licences that their authors offer. The texts are in the sources of
+each crate, which cargo downloads. `NOTICE` lists data by others.
 
 | crate | version | licence | source |
 |---|---|---|---|

@@ -13,7 +13,7 @@ const SETS: &str = "1000";
 fn the_services_serve_the_one_table() {
     let defaults = concat!(env!("CARGO_MANIFEST_DIR"), "/params/default.yaml");
     let log = scenario("parameters", &[defaults], &[]);
-    assert!(log.contains("parameters refused: parameter 'debug.max_side' must lie in 16 to 4096, got 5"), "{log}");
+    assert!(log.contains("parameters refused: parameter 'debug.max_side' must be from 16 to 4096, got 5"), "{log}");
     assert!(!log.contains("ERROR"), "{log}");
 }
 

@@ -192,7 +192,7 @@ fn what_is_waited_for_is_told_when_no_image_comes() {
     let log =
         scenario("mismatched", &[], &["--ros-args", "-p", "qos_overrides./image.subscription.reliability:=reliable"]);
     for part in [
-        "one that does not match: it is best_effort, reliable is asked for",
+        "one that does not match: it is best_effort, reliable is requested",
         "other topics with images: /camera/image_raw",
     ] {
         assert!(log.contains(part), "no '{part}' in:\n{log}");
@@ -214,7 +214,7 @@ fn a_start_that_cannot_be_is_one_line_and_an_exit_code() {
     for (args, variables, part) in [
         (&["--ros-args", "--params-file", path][..], &[][..], path),
         (&["--ros-args", "--params-file", "/no/such/file.yaml"], &[], "/no/such/file.yaml"),
-        (&["--ros-args", "-p", "debug.max_side:=5"], &[], "'debug.max_side' must lie in 16 to 4096, got 5"),
+        (&["--ros-args", "-p", "debug.max_side:=5"], &[], "'debug.max_side' must be from 16 to 4096, got 5"),
         (&["--ros-args", "-p", "debug.max_side:=wide"], &[], "'debug.max_side' is of type integer, got string"),
         (
             &["--ros-args", "-p", "lcmht.cnn.enabled:=true", "-p", "lcmht.cnn.file:=/no/such.onnx"],

@@ -88,7 +88,7 @@ fn a_full_session_refuses_and_goes_on_and_a_known_id_begins_anew() {
     session.start_as(Some("b"), &first, b, &mut ()).unwrap();
     let refused = session.start_as(Some("c"), &first, b, &mut ()).unwrap_err();
     assert_eq!(refused, StartError::Full { most: 2 });
-    assert_eq!(refused.to_string(), "2 targets are followed already, and max_targets is 2");
+    assert_eq!(refused.to_string(), "2 targets are already followed, and max_targets is 2");
     assert_eq!(ids(&session), ["a", "b"]);
 
     session.step(&frame(&scenes[1]), &mut ());

@@ -5,9 +5,9 @@
     python3 benches/peers/compare.py DATASET [--output target/peers] [--trackers CSRT,KCF] [--sequences A,B]
         [--limit FRAMES] [--again] [--peer NAME=DIR]... [--evaluate PROGRAM] [-- ARGUMENTS OF evaluate]
 
-Boxes and times of the trackers go to OUTPUT/TRACKER (see opencv.py; what is there already is kept, unless --again is
-given), the page and its figures to OUTPUT/report. --peer adds boxes of further trackers. This tracker is run with
-params/default.yaml and params/fast.yaml, by cargo unless --evaluate names the program.
+Boxes and times go to OUTPUT/TRACKER (see opencv.py; existing results are kept, unless --again is given), the page and
+its figures to OUTPUT/report. --peer adds boxes of other trackers. This tracker is run with params/default.yaml and
+params/fast.yaml, by cargo unless --evaluate names a program.
 """
 
 import argparse
@@ -42,9 +42,9 @@ def evaluate(options):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", type=pathlib.Path, help="the folder of sequences")
-    parser.add_argument("--output", type=pathlib.Path, default=REPOSITORY / "target" / "peers", help="where all goes")
+    parser.add_argument("--output", type=pathlib.Path, default=REPOSITORY / "target" / "peers", help="folder for all results")
     parser.add_argument("--peer", action="append", default=[], metavar="NAME=DIR", help="boxes of another tracker")
-    parser.add_argument("--evaluate", metavar="PROGRAM", help="the program, where it is built already")
+    parser.add_argument("--evaluate", metavar="PROGRAM", help="a program that is already built")
     opencv.arguments(parser)
     at = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
     options = parser.parse_args(sys.argv[1:at])

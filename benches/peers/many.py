@@ -5,14 +5,14 @@
     python3 benches/peers/many.py SEQUENCES/mot [--output target/many] [--sequences A,B] [--rows NAME=DIR]...
         [--track PROGRAM] [--blobs PROGRAM] [-- ARGUMENTS OF track]
 
-A sequence is a folder with gt.txt in the format of MOTChallenge and its images, in img/ or, where img is a file, in the
-folder that it names. No target is marked. Rows go to OUTPUT/TRACKER/SEQUENCE.txt, all scores to OUTPUT/results.json, a table
-to standard output. --rows adds another tracker's rows. The programs are run by cargo unless they are named; arguments of
-track (-p, --params) go to both.
+A sequence is a folder with gt.txt in MOTChallenge format and images, in img/ or, if img is a file, in the folder that it
+names. No target is marked. Rows go to OUTPUT/TRACKER/SEQUENCE.txt, all scores to OUTPUT/results.json, a table to standard
+output. --rows adds another tracker's rows. The programs are run by cargo unless they are named; arguments of track (-p,
+--params) go to both.
 
-SORT (Bewley et al. 2016) is that of PyPI's `trackers`: with its own settings, and as it was published, forgetting a track
-after a frame without a detection. Scores are those of TrackEval. Of the paper's table 2 come correct, the boxes of the truth
-that are covered, and false, the tracks that never cover a person; see mot.py.
+SORT (Bewley et al. 2016) is from PyPI's `trackers`: with its own settings, and as published, which drops a track after one
+frame without a detection. Scores are from TrackEval. The paper's table 2 adds correct, the true boxes that are covered,
+and false, the tracks that never cover a person; see mot.py.
 """
 
 import argparse
@@ -104,11 +104,11 @@ def listed(text):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", type=pathlib.Path, help="the folder of sequences")
-    parser.add_argument("--output", type=pathlib.Path, default=REPOSITORY / "target" / "many", help="where all goes")
+    parser.add_argument("--output", type=pathlib.Path, default=REPOSITORY / "target" / "many", help="folder for all results")
     parser.add_argument("--sequences", type=listed, default=[], help="only these sequences")
     parser.add_argument("--rows", action="append", default=[], metavar="NAME=DIR", help="rows of another tracker")
-    parser.add_argument("--track", metavar="PROGRAM", help="the program, where it is built already")
-    parser.add_argument("--blobs", metavar="PROGRAM", help="the example, where it is built already")
+    parser.add_argument("--track", metavar="PROGRAM", help="a program that is already built")
+    parser.add_argument("--blobs", metavar="PROGRAM", help="an example that is already built")
     at = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
     options = parser.parse_args(sys.argv[1:at])
     options.arguments = sys.argv[at + 1 :]

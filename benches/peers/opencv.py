@@ -4,10 +4,10 @@
     pip install -r benches/peers/requirements.txt
     python3 benches/peers/opencv.py DATASET OUTPUT [--trackers CSRT,KCF] [--sequences A,B] [--limit FRAMES] [--again]
 
-DATASET holds one folder a sequence: img/ and groundtruth_rect.txt (x,y,w,h a row, NaN = not in view). Of each tracker
-come OUTPUT/TRACKER/SEQUENCE.txt, x,y,w,h a row, the first that of the truth, NaN where the tracker says that it has lost
-the target; and OUTPUT/TRACKER/times.csv: sequence, frames, seconds of processor time, reading and decoding left out, as
-`evaluate` counts them. One thread is used. What is there already is kept, unless --again is given.
+DATASET holds one folder per sequence: img/ and groundtruth_rect.txt (x,y,w,h per row, NaN = not in view). For each
+tracker this writes OUTPUT/TRACKER/SEQUENCE.txt, x,y,w,h per row, the first from the ground truth, NaN where the tracker
+reports the target lost; and OUTPUT/TRACKER/times.csv: sequence, frames, seconds of processor time without reading and
+decoding, as in `evaluate`. One thread is used. Existing results are kept, unless --again is given.
 """
 
 import argparse
@@ -112,8 +112,8 @@ def arguments(parser):
     """What compare.py takes as well."""
     parser.add_argument("--trackers", type=listed, default=list(CREATE), help=f"some of {','.join(CREATE)}")
     parser.add_argument("--sequences", type=listed, default=[], help="only these sequences")
-    parser.add_argument("--limit", type=int, default=sys.maxsize, help="at most this many frames of each")
-    parser.add_argument("--again", action="store_true", help="run what is there already, too")
+    parser.add_argument("--limit", type=int, default=sys.maxsize, help="maximum number of frames per sequence")
+    parser.add_argument("--again", action="store_true", help="also run what already has results")
 
 
 def run_all(options):
@@ -130,7 +130,7 @@ def run_all(options):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", type=pathlib.Path, help="the folder of sequences")
-    parser.add_argument("output", type=pathlib.Path, help="where boxes and times go")
+    parser.add_argument("output", type=pathlib.Path, help="folder for boxes and times")
     arguments(parser)
     run_all(parser.parse_args())
 

@@ -36,12 +36,12 @@ const METHODS: [(&str, &[(&str, &str)]); 3] = [
 
 #[derive(Parser)]
 struct Args {
-    /// A folder of sequences, of which one is Girl.
+    /// A folder of sequences that contains Girl.
     sequences: PathBuf,
     /// Writes the paths as an SVG picture.
     #[arg(long, value_name = "FILE.svg")]
     figure: Option<PathBuf>,
-    /// Seeds that are tried.
+    /// Number of seeds.
     #[arg(long, default_value_t = 20)]
     seeds: i64,
     /// Sets a parameter for all three.
@@ -70,7 +70,7 @@ fn main() -> ExitCode {
 
 fn compare(args: &Args) -> std::result::Result<(), Box<dyn std::error::Error>> {
     let sequence = dataset::load(&args.sequences, &[SEQUENCE.to_owned()])?.swap_remove(0);
-    println!("root mean square error, px: median (least to greatest) of {} seeds", args.seeds);
+    println!("root mean square error, px: median (minimum to maximum) of {} seeds", args.seeds);
     println!("method           u                    v            held again after {TURNED_BACK}, after {UNCOVERED}");
     let mut results = Vec::new();
     for (name, changes) in METHODS {

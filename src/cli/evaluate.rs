@@ -19,76 +19,74 @@ use crate::eval::table::{Hard, Table};
 use crate::eval::worlds::{self, Worlds};
 use crate::params::{Assignment, Value, assignment};
 
-/// Score trackers on sequences with ground truth: one pass, no resets, by the rules of the object tracking
-/// benchmark, and by those of long-term tracking.
+/// Score trackers on sequences with ground truth: one pass without resets, by the rules of the object tracking benchmark
+/// (OTB) and of long-term tracking (VOT-LT).
 ///
-/// Prints a table for each algorithm and parameter file and for each other tracker.
-/// prec: share of frames whose centres are at most 20 px apart; AUC: area under the success curve of 21 overlaps;
-/// held: share with an overlap above 0.1; F: of long-term precision and recall, at the best confidence;
-/// first loss: frames before the target is first lost, by word or by a box that does not touch it (all, if it never
-/// is); lost: frames reported lost; right, wrong: of these, frames with the target out of view or fully hidden, and in
-/// view; astray: frames in view, not reported lost, and not held; recovered: losses that ended on the target (overlap
-/// above 0.3 within 10 frames); fps: frames a second of the tracker's processor time (where several sequences run at a
-/// time, without what a network computes in threads of its own).
+/// Prints a table for each algorithm and parameter file, and for each other tracker.
+/// prec: share of frames in which the centres are at most 20 px apart; AUC: area under the success curve over 21 overlap
+/// thresholds; held: share of frames with an overlap above 0.1; F: harmonic mean of long-term precision and recall, at
+/// the best confidence threshold; first loss: frames before the target is first lost, reported or with a box that does
+/// not touch it (all frames, if it never is); lost: frames reported lost; right, wrong: of these, frames in which the
+/// target was out of view or fully occluded, and in view; astray: frames in view, not reported lost, and not held;
+/// recovered: losses that ended on the target (overlap above 0.3 within 10 frames); fps: frames per second of the
+/// tracker's processor time (if several sequences run at once, without a network's own threads).
 /// Exit codes: 0 done, 1 a sequence failed, 2 unusable arguments.
 #[derive(Debug, Parser)]
 #[command(name = "evaluate", version)]
 pub struct Args {
-    /// A folder of sequences: each a folder with images, in img/ or not, a groundtruth_rect.txt (x,y,w,h a row, NaN =
-    /// not in view) and, where known, an occlusion.txt (a row a frame, the hidden share of the box).
+    /// A folder of sequences. Each is a folder with images, in img/ or not, a groundtruth_rect.txt (x,y,w,h per row, NaN
+    /// = not in view) and, if known, an occlusion.txt (the occluded share of the box, one row per frame).
     dataset: PathBuf,
-    /// A tracker to score; may be given several times.
+    /// A tracker to score. May be given several times.
     #[arg(long, value_name = "NAME")]
     algorithm: Vec<String>,
-    /// A ROS parameter file; each is scored by itself.
+    /// A ROS parameter file. May be given several times; each is scored separately.
     #[arg(long, value_name = "FILE.yaml")]
     params: Vec<PathBuf>,
-    /// Sets a parameter for all; wins over files.
+    /// Sets a parameter for all setups; overrides files.
     #[arg(short = 'p', long = "param", value_name = "NAME:=VALUE", value_parser = assignment)]
     set: Vec<Assignment>,
-    /// Another tracker, whose boxes are read from DIR/SEQUENCE.txt or .csv: x,y,w,h a row, NaN = it says that the
-    /// target is not in view, with or without its confidence in a fifth column; DIR/times.csv may hold
-    /// sequence,frames,seconds, and DIR/start-1, DIR/start-2, ... the same from other starts. May be given several
-    /// times.
+    /// Another tracker, whose boxes are read from DIR/SEQUENCE.txt or .csv: x,y,w,h per row, NaN = reported lost, and
+    /// optionally its confidence in a fifth column. DIR/times.csv may hold sequence,frames,seconds; DIR/start-1,
+    /// DIR/start-2 and so on hold the same for other starts. May be given several times.
     #[arg(long = "peer", value_name = "NAME=DIR")]
     peers: Vec<Peer>,
-    /// Runs nothing, and scores the peers alone.
+    /// Scores only the peers, and runs no tracker.
     #[arg(long)]
     peers_only: bool,
-    /// Runs each sequence so many times: from the true box, then each time one pixel off in another direction and with
-    /// another seed. The tables are those of the first; how far the others differ is told below.
+    /// Number of runs per sequence: the first from the true box, the others one pixel off in different directions and
+    /// with other seeds. The tables show the first run; the spread follows below them.
     #[arg(long, value_name = "N", default_value = "1")]
     starts: NonZeroUsize,
-    /// Tells as well whether a gain holds on video that it was not chosen on. Every second sequence by name is one
-    /// half, the rest the other; the best setup on each half is scored on the other. Means come with 95 % intervals
-    /// (bootstrap over sequences and starts), differences from the first setup with their p values. A setup whose
-    /// difference from the best is chance (p of 0.05 and more) counts as good: then the one that was given first is
-    /// chosen.
+    /// Also checks whether a gain holds on video that it was not chosen on. Every second sequence by name is one half,
+    /// the rest the other; the best setup on each half is scored on the other. Means come with 95 % intervals (bootstrap
+    /// over sequences and starts), differences from the first setup with p values. Setups that do not differ
+    /// significantly from the best (p of 0.05 or more) count as equal; of these, the one given first is chosen.
     #[arg(long)]
     halves: bool,
-    /// Names the kinds of video for --halves: rows of sequence,world, where a sequence may end in *. By default the
-    /// dataset's worlds.csv, if there is one.
+    /// The kind of video of each sequence, for --halves: rows of sequence,world, where a sequence may end in *. Default:
+    /// the dataset's worlds.csv, if there is one.
     #[arg(long, value_name = "FILE", requires = "halves")]
     worlds: Option<PathBuf>,
     /// Only these sequences, in this order.
     #[arg(long, value_name = "A,B,...", value_delimiter = ',')]
     sequences: Vec<String>,
-    /// At most so many frames of each sequence.
+    /// Maximum number of frames per sequence.
     #[arg(long, value_name = "N")]
     frames: Option<NonZeroUsize>,
-    /// Sequences that are run at a time; by default as many as there are cores.
+    /// Number of sequences to run at once. Default: the number of cores.
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroUsize>,
-    /// Writes the figures as JSON.
+    /// Writes all figures as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Writes DIR/index.html, a page with diagrams, tables by sequence and by what makes them hard, and pictures of the
-    /// worst moments of the first table; and the figures as DIR/results.json.
+    /// Writes DIR/index.html, a page with diagrams, tables by sequence and by attribute, and pictures of the worst
+    /// moments of the first table; and all figures as DIR/results.json.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
-    /// Writes the boxes as DIR/SEQUENCE.csv, or DIR/SETUP/SEQUENCE.csv where there are several algorithms or parameter
-    /// files: the columns of track and the overlap with the true box; and a times.csv, so that --peer reads them again.
-    /// Of further starts in folders start-1, start-2 and so on.
+    /// Writes the boxes to DIR/SEQUENCE.csv, or DIR/SETUP/SEQUENCE.csv if there are several algorithms or parameter
+    /// files: the columns of track and the overlap with the true box; and a times.csv, so that --peer can read them.
+    /// Other starts go to folders start-1, start-2 and so on.
     #[arg(long, value_name = "DIR")]
     boxes: Option<PathBuf>,
 }

@@ -44,7 +44,7 @@ pub enum Error {
     #[error(transparent)]
     Truth(ReplayError),
     /// Nothing tells where the target is.
-    #[error("no target: give --init X,Y,W,H, for there is no {} with a box in its first row", .0.display())]
+    #[error("no target: give --init X,Y,W,H; there is no {} with a box in its first row", .0.display())]
     NoTarget(PathBuf),
     /// The target cannot be followed.
     #[error("{from}: {source}")]
@@ -65,7 +65,7 @@ pub enum Error {
     #[error(transparent)]
     Page(#[from] PageError),
     /// Nothing is left to score.
-    #[error("nothing to score: --peers-only, but no --peer NAME=DIR")]
+    #[error("nothing to score: --peers-only needs --peer NAME=DIR")]
     NoSetup,
     /// A frame cannot be read.
     #[error(transparent)]
@@ -124,7 +124,7 @@ pub fn params(files: &[impl AsRef<Path>], algorithm: Option<&str>, set: &[Assign
     for path in files.iter().map(AsRef::as_ref) {
         let read = file(path, &node)?;
         if read.is_empty() {
-            log::warn!("parameter file {}: nothing in it is for {}", path.display(), node.full());
+            log::warn!("parameter file {}: it holds nothing for {}", path.display(), node.full());
         }
         // By itself first, so that the message can name the file.
         match changed(&read) {
@@ -181,7 +181,7 @@ mod tests {
         let path = dir.path().join("a.yaml");
         std::fs::write(&path, "/**:\n  ros__parameters: {debug.max_side: 3}\n").unwrap();
         let message = params(&[&path], None, &[]).unwrap_err().to_string();
-        let why = "parameter 'debug.max_side' must lie in 16 to 4096, got 3";
+        let why = "parameter 'debug.max_side' must be from 16 to 4096, got 3";
         assert_eq!(message, format!("parameter file {}: {why}", path.display()));
     }
 }

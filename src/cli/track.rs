@@ -32,46 +32,46 @@ use crate::viewer::Hub;
 
 /// Follow a target through recorded frames.
 ///
-/// Writes CSV: the header x,y,w,h,confidence,state and one row a frame, the first with the initial box. Boxes are in
-/// pixels from the top left corner; the state is tracking, uncertain or lost, and the box of a lost target is the
-/// best guess. With --algorithm maptrack, which finds targets by itself, rows are those of MOTChallenge, without a
-/// header: frame (from 1),id,x,y,w,h,confidence,-1,-1,-1; a lost target has none. The last line on standard error tells
-/// the speed. Exit codes: 0 done, 1 failed while running, 2 unusable arguments.
+/// Writes CSV: the header x,y,w,h,confidence,state, then one row per frame, starting with the initial box. Boxes are in
+/// pixels from the top left corner. The state is tracking, uncertain or lost; the box of a lost target is the best
+/// guess. With --algorithm maptrack, which finds targets by itself, rows are in MOTChallenge format without a header:
+/// frame (from 1),id,x,y,w,h,confidence,-1,-1,-1; a lost target has no row. The last line on standard error gives the
+/// speed. Exit codes: 0 done, 1 failed while running, 2 unusable arguments.
 #[derive(Debug, Parser)]
 #[command(name = "track", version)]
 pub struct Args {
-    /// A folder of images (JPEG, PNG, BMP, TIFF, WebP, PGM, PPM; in the order of the numbers in their names), or one
-    /// with them in img/; or a rosbag2 recording: its folder, or one file of it (.mcap, .db3).
+    /// A folder of images (JPEG, PNG, BMP, TIFF, WebP, PGM, PPM; in the order of the numbers in their names), or a
+    /// folder with images in img/; or a rosbag2 recording: its folder, or one of its files (.mcap, .db3).
     source: PathBuf,
-    /// The topic of a bag that has the images; may be left out where there is but one with images.
+    /// The image topic of a bag. Not needed if only one topic has images.
     #[arg(long, value_name = "NAME")]
     topic: Option<String>,
-    /// The target's box on the first frame; without it, the first row of a groundtruth_rect.txt beside the images. With
-    /// --algorithm maptrack there need be none.
+    /// The target's box in the first frame. Default: the first row of a groundtruth_rect.txt beside the images. Not
+    /// needed with --algorithm maptrack.
     #[arg(long, value_name = "X,Y,W,H", value_parser = truth::parse, allow_hyphen_values = true)]
     init: Option<Rect>,
-    /// The tracker to use; stands for -p algorithm:=NAME.
+    /// The tracker to use; the same as -p algorithm:=NAME.
     #[arg(long, value_name = "NAME")]
     algorithm: Option<String>,
-    /// A ROS parameter file; of several, later ones win.
+    /// A ROS parameter file. May be given several times; later files override earlier ones.
     #[arg(long, value_name = "FILE.yaml")]
     params: Vec<PathBuf>,
-    /// Sets a parameter; wins over files.
+    /// Sets a parameter; overrides files.
     #[arg(short = 'p', long = "param", value_name = "NAME:=VALUE", value_parser = assignment)]
     set: Vec<Assignment>,
-    /// Where the rows go instead of standard output.
+    /// Writes the rows to this file instead of standard output.
     #[arg(long, value_name = "FILE.csv")]
     output: Option<PathBuf>,
-    /// Writes each frame as DIR/000001.png, ...: left with box, search window, prediction, neighbours and proposals,
-    /// right with the response map.
+    /// Writes each frame to DIR/000001.png and so on: box, search window, prediction, neighbours and proposals on the
+    /// left, the response map on the right.
     #[arg(long, value_name = "DIR")]
     annotate: Option<PathBuf>,
-    /// Writes a new bag with the images as they came and, beside them, the topics /tracker/tracks, /tracker/detections
-    /// and /tracker/annotations (for Foxglove's image panel).
+    /// Writes a new bag with the original images and the topics /tracker/tracks, /tracker/detections and
+    /// /tracker/annotations (for Foxglove's image panel).
     #[arg(long, value_name = "FILE.mcap")]
     bag: Option<PathBuf>,
-    /// Serves the live page over the frames instead, at viewer.port or any free port: mark, play, tune and run again
-    /// in a browser. The page saves rows and, where --bag names a file, the bag.
+    /// Opens the frames on the live page instead, at viewer.port or any free port: mark, play, tune and run again in a
+    /// browser. The page saves the rows and, with --bag, the bag.
     #[cfg(feature = "viewer")]
     #[arg(long, conflicts_with_all = ["output", "annotate"])]
     view: bool,
@@ -143,7 +143,7 @@ pub fn run(args: &Args) -> Result<(), Error> {
     bag.map_or(Ok(()), Recorder::finish)?;
     bar.finish_and_clear();
     // Again at the end, for what was said at the beginning is far away by now.
-    let noted: String = source.notes().iter().map(|note| format!("; mind: {note}")).collect();
+    let noted: String = source.notes().iter().map(|note| format!("; note: {note}")).collect();
     tell(format_args!("{}; {:.1} with reading and writing{noted}", watch.0, per_second(frames, begun.elapsed())));
     Ok(())
 }

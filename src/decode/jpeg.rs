@@ -34,19 +34,19 @@ const MOST_SCANS: usize = 64;
 #[expect(missing_docs, reason = "the messages name the fields")]
 pub enum JpegError {
     /// The file ends too early.
-    #[error("are cut off after {len} bytes")]
+    #[error("are truncated after {len} bytes")]
     CutOff { len: usize },
     /// Something else stands between two segments.
-    #[error("have {found:#04x} at {at}, where a marker must be")]
+    #[error("have {found:#04x} at {at}, where a marker is expected")]
     Marker { found: u8, at: usize },
     /// The end without an image before it.
     #[error("end before the first scan")]
     NoScan,
     /// Nothing tells how large the image is.
-    #[error("have no header of an image before the first scan")]
+    #[error("have no frame header before the first scan")]
     NoHeader,
     /// A header that does not hold what it must.
-    #[error("have a header of an image of {len} bytes")]
+    #[error("have a frame header of {len} bytes")]
     Header { len: usize },
     /// Components whose sizes make no sense, across and down.
     #[error("have sampling factors {factors:?}, expected 1 to 4")]
@@ -55,7 +55,7 @@ pub enum JpegError {
     #[error("have more than {most} scans")]
     Scans { most: usize },
     /// Two pictures of half the rows.
-    #[error("are two fields of an interlaced frame, which are not read")]
+    #[error("hold two fields of an interlaced frame, which is not supported")]
     Interlaced,
 }
 

@@ -114,7 +114,7 @@ fn the_mark_at_the_end_may_be_missing_and_nothing_else() {
     let mut refused = 0;
     for len in (split(&whole).1.len()..unmarked.len()).step_by(7).chain(unmarked.len() - 30..unmarked.len()) {
         match read(&whole[..len]) {
-            Err(why) => refused += usize::from(why.contains("cut off")),
+            Err(why) => refused += usize::from(why.contains("truncated")),
             Ok(frame) => assert!(frame == expected && len + 4 > unmarked.len(), "{len} of {}", whole.len()),
         }
     }
@@ -133,6 +133,6 @@ fn what_an_image_takes_is_known_before_it_is_decoded() {
     assert!(decode(&png, None, needed).is_ok());
     assert_eq!(decode(&png, None, needed - 1), Err(expected));
     // A header alone.
-    assert_eq!(read(&whole[..4]).unwrap_err(), "cannot be decoded: the JPEG data are cut off after 4 bytes");
+    assert_eq!(read(&whole[..4]).unwrap_err(), "cannot be decoded: the JPEG data are truncated after 4 bytes");
     assert!(read(&png[..20]).is_err());
 }

@@ -10,22 +10,22 @@ pub enum NameError {
     #[error("a name is empty")]
     Empty,
     /// Nothing stands before, between or after slashes.
-    #[error("a name before, between or after its slashes is empty")]
+    #[error("a name before, between or after slashes is empty")]
     EmptyPart,
     /// Nothing stands before, between or after dots.
     #[error("a name in '{name}' is empty")]
     EmptyGroup { name: String },
     /// With all that it lies below, it is longer than what is read.
-    #[error("the name '{start}...' has {len} bytes, at most {most} are read")]
+    #[error("the name '{start}...' has {len} bytes, at most {most} are allowed")]
     Long { start: String, len: usize, most: usize },
     /// A part is longer than ROS allows.
     #[error("'{part}' is longer than {most} bytes")]
     LongPart { part: String, most: usize },
     /// A wildcard and something else in one part.
-    #[error("'*' stands for a whole name only, not for a part as in '{part}'")]
+    #[error("'*' matches a whole name only, not a part as in '{part}'")]
     Wildcard { part: String },
     /// A character that names do not hold.
-    #[error("'{part}' holds '{character}', and names hold letters, digits and '_' only")]
+    #[error("'{part}' contains '{character}'; names may contain only letters, digits and '_'")]
     Character { part: String, character: char },
     /// Names begin with a letter or `_`.
     #[error("'{part}' begins with a digit")]
@@ -34,13 +34,13 @@ pub enum NameError {
     #[error("'{part}' begins with two underscores")]
     Underscores { part: String },
     /// A key of a file that no node could match.
-    #[error("'{key}' stands for no nodes: {source}")]
+    #[error("'{key}' does not match a node: {source}")]
     Nodes { key: String, source: Box<Self> },
     /// An argument that names several nodes, or none that could be.
     #[error("it must be a node's name")]
     Node,
     /// An argument that names several parameters.
-    #[error("wildcards stand for no parameters")]
+    #[error("wildcards are not allowed in parameter names")]
     Parameters,
 }
 
@@ -58,10 +58,10 @@ pub enum YamlError {
     #[error("it has more than {most} directives")]
     Directives { most: usize },
     /// It begins like UTF-16 and is not.
-    #[error("it is no valid UTF-16")]
+    #[error("it is not valid UTF-16")]
     Utf16,
     /// It is not UTF-8.
-    #[error("{place}: the byte {byte:#04x} is no UTF-8")]
+    #[error("{place}: the byte {byte:#04x} is not UTF-8")]
     Utf8 { place: Place, byte: u8 },
     /// A character that YAML does not allow.
     #[error("{place}: the character U+{:04X} is not allowed", u32::from(*character))]
@@ -79,28 +79,28 @@ pub enum YamlError {
     #[error(transparent)]
     Name(#[from] NameError),
     /// Depth takes long to read.
-    #[error("lists and maps lie in each other more than {most} deep")]
+    #[error("lists and maps are nested more than {most} deep")]
     Deep { most: u32 },
     /// A reference to an anchor.
-    #[error("'*{anchor}' stands for what is written elsewhere, which parameter files may not do")]
+    #[error("'*{anchor}' is an alias, which parameter files may not use")]
     Alias { anchor: String },
     /// A list as a key.
-    #[error("a list stands where a name must")]
+    #[error("a list where a name is expected")]
     ListAsName,
     /// A map as a key.
-    #[error("a map stands where a name must")]
+    #[error("a map where a name is expected")]
     MapAsName,
     /// A map as the value of an argument.
-    #[error("a map is no value; name each parameter by itself, with dots")]
+    #[error("a map is not a value; name each parameter in full, with dots")]
     MapAsValue,
     /// Parameters of no node.
-    #[error("'{key}' must stand below a node name, such as '/**'")]
+    #[error("'{key}' must be below a node name, such as '/**'")]
     NoNode { key: &'static str },
     /// Values without names.
     #[error("'{key}' must hold names with values")]
     NoName { key: &'static str },
     /// A value among the names of nodes; `nodes` are those that it lies below.
-    #[error("a value stands {}where '{key}' or the name of a node must", below(nodes.as_deref()))]
+    #[error("a value {}where '{key}' or a node name is expected", below(nodes.as_deref()))]
     Outside { nodes: Option<String>, key: &'static str },
     /// A list of several types.
     #[error("the items of a list must be of one type, and {value} is of type {got}, not {expected}")]
@@ -112,7 +112,7 @@ pub enum YamlError {
     #[error("it has no value")]
     NoValue,
     /// An argument that ends at its `:=`.
-    #[error("it has no value; for an empty text write ''")]
+    #[error("it has no value; for an empty string write ''")]
     NothingAssigned,
     /// An argument without `:=`.
     #[error("it must read NAME:=VALUE")]

@@ -59,7 +59,7 @@ impl Attribute {
             Self::Occlusion => "occlusion",
             Self::FastMotion => "fast motion",
             Self::ScaleVariation => "scale variation",
-            Self::LightVariation => "light variation",
+            Self::LightVariation => "illumination variation",
             Self::OutOfView => "out of view",
         }
     }
@@ -68,9 +68,11 @@ impl Attribute {
     pub fn rule(self) -> String {
         let share = LEAST_SHARE * 100.0;
         match self {
-            Self::Occlusion => format!("at least {OCCLUDED} of the box hidden in {share} % of the frames, where known"),
+            Self::Occlusion => {
+                format!("at least {OCCLUDED} of the box occluded in {share} % of the frames, where known")
+            }
             Self::FastMotion => format!(
-                "moves by more than {FAST_PIXELS} px or {FAST_SIZES} target sizes a frame in {share} % of the frames"
+                "moves by more than {FAST_PIXELS} px or {FAST_SIZES} target sizes per frame in {share} % of the frames"
             ),
             Self::ScaleVariation => {
                 format!("area more than {SCALE_RATIO} times the first, or its inverse, in {share} % of the frames")
@@ -79,7 +81,7 @@ impl Attribute {
                 "mean luma in the box more than {LIGHT_RATIO} times the first, or its inverse, in {share} % of the \
                  frames"
             ),
-            Self::OutOfView => "not in view on at least one frame".to_owned(),
+            Self::OutOfView => "not in view in at least one frame".to_owned(),
         }
     }
 }

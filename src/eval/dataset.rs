@@ -23,7 +23,7 @@ pub enum DatasetError {
     Empty(PathBuf),
     /// The folder is a sequence and not one of sequences.
     #[error(
-        "{}: no sequences (folders with a {}) in the folder, which is one itself: give the folder above",
+        "{}: no sequences (folders with a {}) in the folder, which is a sequence itself: give its parent folder",
         .0.display(), truth::FILE_NAME
     )]
     Sequence(PathBuf),
@@ -34,7 +34,7 @@ pub enum DatasetError {
     #[error(transparent)]
     Truth(#[from] ReplayError),
     /// A row of a file of hidden shares that is none.
-    #[error("{}, line {line}: '{text}' is no share of 0 to 1", path.display())]
+    #[error("{}, line {line}: '{text}' is not a number from 0 to 1", path.display())]
     Share { path: PathBuf, line: usize, text: String },
     /// Such a file is of other frames.
     #[error("{}: {rows} rows, but {frames} boxes in {}", path.display(), truth::FILE_NAME)]
@@ -160,7 +160,7 @@ mod tests {
         assert_eq!(sequence.visible(), [marked, None, None]);
         assert_eq!(sequence.truth, [marked, marked, None], "the box is known all the same");
         write("0.9\n1.2\nNaN\n");
-        assert!(only().unwrap_err().to_string().ends_with("line 2: '1.2' is no share of 0 to 1"));
+        assert!(only().unwrap_err().to_string().ends_with("line 2: '1.2' is not a number from 0 to 1"));
         write("0.9\n");
         assert!(only().unwrap_err().to_string().ends_with("1 rows, but 3 boxes in groundtruth_rect.txt"));
     }

@@ -59,13 +59,13 @@ pub enum RowError {
     #[error("there are only {0} columns")]
     Short(usize),
     /// A word that is no number.
-    #[error("'{0}' is no number")]
+    #[error("'{0}' is not a number")]
     Number(String),
     /// A box of which the confidence is NaN.
     #[error("a box without its confidence")]
     NoConfidence,
     /// A word that is no state.
-    #[error("'{0}' is no state")]
+    #[error("'{0}' is not a state")]
     State(String),
     /// A row of the file of times that is none.
     #[error("it must hold sequence,frames,seconds")]
@@ -289,10 +289,10 @@ mod tests {
         let refused = |text: &str, message: &str| assert_eq!(read(text).unwrap_err(), message);
         refused("1,2,3\n", "a.txt, line 1: '1,2,3': it must hold x,y,w,h and may hold a confidence, not 3 numbers");
         refused("1,2,3,4\n1,2,3\n", "a.txt, line 2: '1,2,3': there are only 3 columns");
-        refused("1,2,3,4\n1,2,x,4\n", "a.txt, line 2: '1,2,x,4': 'x' is no number");
+        refused("1,2,3,4\n1,2,x,4\n", "a.txt, line 2: '1,2,x,4': 'x' is not a number");
         refused("1,2,3,4,NaN\n", "a.txt, line 1: '1,2,3,4,NaN': a box without its confidence");
         refused("x,y,w\n", "a.txt, line 1: 'x,y,w': there is no column 'h'");
-        refused("x,y,w,h,state\n1,2,3,4,gone\n", "a.txt, line 2: '1,2,3,4,gone': 'gone' is no state");
+        refused("x,y,w,h,state\n1,2,3,4,gone\n", "a.txt, line 2: '1,2,3,4,gone': 'gone' is not a state");
     }
 
     #[test]

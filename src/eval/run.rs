@@ -27,7 +27,7 @@ pub enum RunError {
     #[error(transparent)]
     Network(#[from] NetworkError),
     /// Its first row is no box.
-    #[error("the target is not in view on the first frame")]
+    #[error("the target is not in view in the first frame")]
     NoTarget,
     /// Its first box cannot be followed.
     #[error("first box: {0}")]

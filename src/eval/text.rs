@@ -89,7 +89,7 @@ fn long_term(g: &Figures, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let a = &g.absences;
     if a.count > 0 {
         let frames = |delay: &Delay| number(delay.mean(), 1);
-        write!(f, "absences: {} ({} frames); lost said in {}", a.count, a.absent_frames, a.noticed.count)?;
+        write!(f, "absences: {} ({} frames); reported lost in {}", a.count, a.absent_frames, a.noticed.count)?;
         write!(f, " (after {} frames), in {} of {} long ones in time", frames(&a.noticed), a.in_time, a.due)?;
         writeln!(
             f,
@@ -126,7 +126,8 @@ fn runs(figure: &Spread) -> Result<String, fmt::Error> {
 impl fmt::Display for Halves {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [a, b] = self.halves.each_ref().map(Vec::len);
-        writeln!(f, "halves: A {a} sequences, B {b}; means with 95 % intervals; last, the AUC less that of the first")?;
+        let about = "means with 95 % intervals; last, the AUC minus that of the first";
+        writeln!(f, "halves: A {a} sequences, B {b}; {about}")?;
         let groups = || self.setups.iter().flat_map(|setup| &setup.groups);
         let width = width(groups().map(|group| group.name.as_str()));
         self.setups.iter().try_for_each(|setup| standing(setup, width, f))?;
@@ -135,7 +136,7 @@ impl fmt::Display for Halves {
         };
         self.choices.iter().try_for_each(|choice| writeln!(f, "{}", told(choice)))?;
         let Some(crossed) = &self.crossed else { return Ok(()) };
-        writeln!(f, "each half by what the other chose: {}", summary(crossed))
+        writeln!(f, "each half with the setup chosen on the other: {}", summary(crossed))
     }
 }
 
@@ -267,7 +268,7 @@ CSRT          1  0.750  0.500  1.000  0.625      -     40
         report.halves = Some(Halves::new(&["walk".to_owned()], &report.setups, &Default::default()));
         let text = report.to_string();
         for line in [
-            "halves: A 1 sequences, B 0; means with 95 % intervals; last, the AUC less that of the first\n",
+            "halves: A 1 sequences, B 0; means with 95 % intervals; last, the AUC minus that of the first\n",
             "plain\n  A     1 prec 0.750 [0.750 0.750] AUC 0.500 [0.500 0.500] held 1.000 [1.000 1.000]\n",
             "AUC 0.750 [0.750 0.750] held 1.000 [1.000 1.000]  +0.250 [+0.250 +0.250] p 1.000\n",
         ] {

@@ -75,8 +75,8 @@ impl Runner {
                 Found::Library { runtime, path } => {
                     (Engine::OnnxRuntime(runtime), format!("ONNX Runtime, {}", path.display()))
                 }
-                Found::Unwanted => (Engine::Builtin, format!("{BUILTIN}, as asked for")),
-                Found::Nothing => (Engine::Builtin, format!("{BUILTIN}, no ONNX Runtime was found")),
+                Found::Unwanted => (Engine::Builtin, format!("{BUILTIN}, as configured")),
+                Found::Nothing => (Engine::Builtin, format!("{BUILTIN}, ONNX Runtime was not found")),
             })
         }
         #[cfg(not(feature = "onnxruntime"))]
@@ -125,7 +125,7 @@ impl Request {
         };
         let (engine, by) = self.runner.engine()?;
         let side = self.settings.side;
-        info!("network {name} at {side} x {side} runs by {by}");
+        info!("network {name} at {side} x {side} runs on {by}");
         Cnn::new(&name, model, self.settings.clone(), &engine)
     }
 }
@@ -156,7 +156,7 @@ impl MatchingRequest {
         let (engine, by) = self.runner.engine()?;
         let network = MatchingNetwork::new([&backbone, &head], models, self.threads, &engine)?;
         let side = network.form().window;
-        info!("matching networks {backbone} and {head} at {side} x {side} run by {by}");
+        info!("matching networks {backbone} and {head} at {side} x {side} run on {by}");
         Ok(network)
     }
 }

@@ -26,7 +26,7 @@ pub(super) enum Found {
 #[derive(Debug, thiserror::Error)]
 pub(super) enum OpenError {
     /// Another one was opened before.
-    #[error("{} is in use already, {} can be only after a restart", used.display(), wanted.display())]
+    #[error("{} is already in use, {} can be used only after a restart", used.display(), wanted.display())]
     InUse { used: PathBuf, wanted: PathBuf },
     /// It is not there, or not ONNX Runtime.
     #[error(transparent)]

@@ -17,13 +17,13 @@ const LITTLE_ENDIAN: [u8; HEADER] = [0, 1, 0, 0];
 #[expect(missing_docs, reason = "the messages name the fields")]
 pub enum CdrError {
     /// Too short to say how it is laid out.
-    #[error("{0} bytes are no message")]
+    #[error("{0} bytes are not a message")]
     Short(usize),
     /// Laid out in another way.
     #[error("representation {0:#06x} is not plain CDR")]
     Representation(u16),
     /// The fields do not hold what the type says.
-    #[error("{len} bytes are no {kind}: {why}")]
+    #[error("{len} bytes are not a {kind}: {why}")]
     Fields { len: usize, kind: String, why: String },
 }
 
@@ -68,9 +68,9 @@ mod tests {
     #[test]
     fn what_is_no_message_is_told_with_its_values() {
         let message = |bytes: &[u8]| decode::<Header>(bytes).unwrap_err().to_string();
-        assert_eq!(message(&[0, 1]), "2 bytes are no message");
+        assert_eq!(message(&[0, 1]), "2 bytes are not a message");
         assert_eq!(message(&[0, 7, 0, 0, 1]), "representation 0x0007 is not plain CDR");
         let whole = encode(&header()).unwrap();
-        assert!(message(&whole[..15]).starts_with("15 bytes are no std_msgs/msg/Header: "));
+        assert!(message(&whole[..15]).starts_with("15 bytes are not a std_msgs/msg/Header: "));
     }
 }

@@ -77,7 +77,7 @@ pub enum RunError {
     #[error("{why}")]
     Library { why: String },
     /// An output is of another type.
-    #[error("an output holds no floats")]
+    #[error("an output does not hold floats")]
     NoFloats,
     /// An output is no map of features; `known` are the first of its sides.
     #[error("an output has {sides} sides, {known:?}, expected [1, channels, rows, columns]")]

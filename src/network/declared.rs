@@ -23,7 +23,7 @@ impl Freed {
         let weights: Vec<String> = graph.initializer.iter().map(|tensor| tensor.name.clone()).collect();
         let mut inputs = graph.input.iter_mut().filter(|input| !weights.contains(&input.name));
         let (Some(input), None) = (inputs.next(), inputs.next()) else {
-            return Err("it takes more or less than one input".to_owned());
+            return Err("it does not take exactly one input".to_owned());
         };
         let sides: Vec<Option<i64>> = dimensions(input).into_iter().flatten().map(known).collect();
         let &[_, Some(3), Some(rows), Some(columns)] = sides.as_slice() else {

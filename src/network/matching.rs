@@ -190,7 +190,7 @@ impl MatchingNetwork {
         let fits = [logits, sides].iter().all(|map| [map.rows, map.cols] == [cells; 2]);
         if !fits || [logits.channels, sides.channels] != [2, 4] || cells == 0 {
             let size = |map: &FeatureMap| format!("{} x {} x {}", map.channels, map.rows, map.cols);
-            return Err(format!("it answers {} and {}, expected 2 x n x n and 4 x n x n", size(logits), size(sides)));
+            return Err(format!("it gives {} and {}, expected 2 x n x n and 4 x n x n", size(logits), size(sides)));
         }
         if self.answer.iter().flat_map(|map| &map.data).any(|v| !v.is_finite()) {
             return Err("it gives values that are not finite".to_owned());

@@ -24,7 +24,7 @@ impl Params {
         let (memory, before) = (self.memory(), in_force.memory());
         if memory > most && memory > before {
             return Err(ParamsError::Conflict(format!(
-                "they would take up to {:.0} MB of memory, and may take {:.0} MB, which is {SHARE} x limits.memory_mb: \
+                "they would need up to {:.0} MB of memory, and may use {:.0} MB, which is {SHARE} x limits.memory_mb: \
                  history.megabytes is {}, max_targets {}, {}",
                 memory / 1e6,
                 most / 1e6,
@@ -36,7 +36,7 @@ impl Params {
         let (operations, before) = (self.operations(), in_force.operations());
         if operations > MOST_OPERATIONS && operations > before {
             return Err(ParamsError::Conflict(format!(
-                "they would take some {operations:.1e} operations a frame for each target, and may take \
+                "they would need about {operations:.1e} operations per frame and target, and may use \
                  {MOST_OPERATIONS:.0e}: {}",
                 self.sizes()
             )));
@@ -149,7 +149,7 @@ mod tests {
             ("maptrack", &[("maptrack.image.pixels", 16_777_216), ("maptrack.find.lambda", 99)], ".lambda 99"),
         ] {
             let why = change(&start(algorithm, &[]), changes).unwrap_err();
-            assert!(why.contains(told) && why.contains("and may take"), "{changes:?}: {why}");
+            assert!(why.contains(told) && why.contains("and may use"), "{changes:?}: {why}");
         }
     }
 

@@ -96,7 +96,7 @@ mod tests {
             assert!(descriptor(name).is_none(), "{name}");
             for phase in [Phase::StartUp, Phase::Running] {
                 let why = Params::default().with([(name, &Value::Integer(1))], phase).unwrap_err().to_string();
-                assert_eq!(why, format!("unknown parameter '{name}'; it is a constant now: {value}"));
+                assert_eq!(why, format!("unknown parameter '{name}'; it is now a constant: {value}"));
             }
         }
     }

@@ -141,7 +141,7 @@ impl LcmhtCnn {
             ));
         }
         if let Some(weight) = self.weights.iter().find(|w| !(0.0..=10.0).contains(*w)) {
-            return wrong(format!("lcmht.cnn.weights must lie in 0 to 10, got {weight}"));
+            return wrong(format!("lcmht.cnn.weights must be from 0 to 10, got {weight}"));
         }
         if let Some(components) = self.components.iter().find(|&&n| n < 0) {
             return wrong(format!("lcmht.cnn.components must not be negative, got {components}"));
@@ -181,7 +181,7 @@ group! {
     /// The scale filter.
     pub struct LcmhtScale at "lcmht.scale." {
         enabled: bool = true, needs Scale, is Basic; "Estimates the target's size with a scale filter; otherwise the size stays as marked."
-        max_step: f64 = 0.1, in 0.0..=100.0, unit "target sizes a frame"; "Motion per frame above which blur makes the size unreliable, so the last size is kept."
+        max_step: f64 = 0.1, in 0.0..=100.0, unit "target sizes per frame"; "Motion per frame above which blur makes the size unreliable, so the last size is kept."
         area: f64 = 2048.0, in 64.0..=16384.0, unit "square px", needs Scale, is Ablation; "Area of the crops used to compare sizes. Larger crops resolve size more finely and take longer."
     }
 }

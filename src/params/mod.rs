@@ -147,7 +147,7 @@ fn brief(name: &str) -> String {
 /// The error for a name that no parameter bears, with what became of it or the closest name there is.
 pub fn unknown(name: &str) -> ParamsError {
     if let Some(value) = gone::constant(name) {
-        return ParamsError::Unknown { name: name.to_owned(), hint: format!("; it is a constant now: {value}") };
+        return ParamsError::Unknown { name: name.to_owned(), hint: format!("; it is now a constant: {value}") };
     }
     let name = &*brief(name);
     let shared = |a: &str, b: &str| {
@@ -200,7 +200,7 @@ mod tests {
         );
         assert_eq!(
             message("debug.max_side", Value::Integer(3)),
-            "parameter 'debug.max_side' must lie in 16 to 4096, got 3"
+            "parameter 'debug.max_side' must be from 16 to 4096, got 3"
         );
         assert!(matches!(set("lcmht.filter.learning_rate", Value::Double(f64::NAN)), Err(ParamsError::Range { .. })));
         assert!(matches!(set("algorithm", Value::String("kcf".into())), Err(ParamsError::Choice { .. })));

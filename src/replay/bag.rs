@@ -42,7 +42,7 @@ pub enum BagError {
     #[error("{}: {why}", path.display())]
     Metadata { path: PathBuf, why: String },
     /// `metadata.yaml` names a file that is not there.
-    #[error("{}: names {file}, which is not there", path.display())]
+    #[error("{}: names {file}, which does not exist", path.display())]
     MissingFile { path: PathBuf, file: String },
     /// A folder cannot be listed.
     #[error(transparent)]
@@ -51,7 +51,7 @@ pub enum BagError {
     #[error("{}: {advice}", path.display())]
     Kind { path: PathBuf, advice: String },
     /// The end of the file is missing, and no message is in it.
-    #[error("{}: cut off after {len} bytes, before the end of the first message", path.display())]
+    #[error("{}: truncated after {len} bytes, before the end of the first message", path.display())]
     CutOff { path: PathBuf, len: u64 },
     /// The file is broken, or made in a way that is not read here.
     #[error("{}: {why}", path.display())]
@@ -63,7 +63,7 @@ pub enum BagError {
     #[error("{}: topic '{topic}' holds {kind}; {known}", path.display())]
     NoImages { path: PathBuf, topic: String, kind: String, known: String },
     /// No topic was asked for, and there is not just one that could be meant.
-    #[error("{}: choose by --topic NAME; {known}", path.display())]
+    #[error("{}: choose one with --topic NAME; {known}", path.display())]
     Choose { path: PathBuf, known: String },
     /// No topic holds images, and why not.
     #[error("{}: no topic with images; {known}{reason}", path.display())]
@@ -217,7 +217,7 @@ impl Bag {
                 }
                 None => match Other::of(&file).map_err(failed)? {
                     // What a recorder leaves that was ended before it wrote the first message.
-                    Other::Empty if several => notes.push(format!("{}: empty, passed over", file.display())),
+                    Other::Empty if several => notes.push(format!("{}: empty, ignored", file.display())),
                     other => {
                         let advice = other.advice(&file);
                         return Err(BagError::Kind { path: file, advice });
@@ -307,7 +307,7 @@ fn by_time(parts: &mut [Part]) -> String {
     parts.sort_by_key(|part| part.contents.span.map_or(u64::MAX, |(first, _)| first));
     let timed: Vec<_> = parts.iter().map(name).collect();
     let count = parts.len();
-    let missing = format!("no {} that tells of the recording (it was not ended, perhaps)", metadata::FILE_NAME);
+    let missing = format!("no {} beside the recording (perhaps it was not closed)", metadata::FILE_NAME);
     let read = if count == 1 { format!("{} is read", timed[0]) } else { format!("its {count} files are read") };
     let order = match count {
         1 => "",
@@ -319,7 +319,7 @@ fn by_time(parts: &mut [Part]) -> String {
         _ => false,
     });
     let overlap = overlap.map_or(String::new(), |pair| {
-        format!("; {} begins before {} ends, which may be two recordings", name(&pair[1]), name(&pair[0]))
+        format!("; {} begins before {} ends: they may be two recordings", name(&pair[1]), name(&pair[0]))
     });
     format!("{missing}; {read}{order}{overlap}")
 }

@@ -42,7 +42,7 @@ impl Folder {
         others.iter().for_each(|file| passed_over.add(file));
         let passed_over = passed_over.strange();
         if !passed_over.is_empty() {
-            notes.push(format!("passed over: {passed_over}; read are {}", EXTENSIONS.join(", ")));
+            notes.push(format!("ignored: {passed_over}; only {} are read", EXTENSIONS.join(", ")));
         }
         let notes = notes.into_iter().map(|note| format!("{}: {note}", path.display())).collect();
         Ok(Self { images: images.into_iter(), path, bytes: Vec::new(), notes, most: limits.image_bytes() })

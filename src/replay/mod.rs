@@ -46,7 +46,7 @@ pub enum ReplayError {
     #[error(transparent)]
     Bag(#[from] BagError),
     /// A row of a file of boxes that is none.
-    #[error("{}, line {line}: '{text}' is no box: {source}", path.display())]
+    #[error("{}, line {line}: '{text}' is not a box: {source}", path.display())]
     Box { path: PathBuf, line: usize, text: String, source: BoxError },
 }
 

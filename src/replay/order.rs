@@ -223,7 +223,7 @@ fn equals(sorted: &[(Name, PathBuf)]) -> Option<String> {
     let first = sorted.windows(2).find(same)?;
     let (a, b) = (shown(&first[0].1), shown(&first[1].1));
     let others = if count > 1 { format!(" (and {} more such pairs)", count - 1) } else { String::new() };
-    Some(format!("{a} and {b} bear the same number{others}: both are taken, in the order of their names"))
+    Some(format!("{a} and {b} have the same number{others}: both are used, in the order of their names"))
 }
 
 #[cfg(test)]

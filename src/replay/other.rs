@@ -101,7 +101,7 @@ impl Other {
             Self::Text => format!("a text file; {SOURCES}"),
             Self::NoBag => format!("neither an MCAP nor an SQLite file, whatever it is called; {SOURCES}"),
             Self::NoFile => format!("neither a file nor a folder; {SOURCES}"),
-            Self::Unknown => format!("no kind of file that is known here; {SOURCES}"),
+            Self::Unknown => format!("an unknown kind of file; {SOURCES}"),
         }
     }
 }

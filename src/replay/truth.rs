@@ -39,7 +39,7 @@ pub enum BoxError {
     #[error("it must hold four numbers x,y,w,h, not {0}")]
     Count(usize),
     /// A word that is none.
-    #[error("'{0}' is no number")]
+    #[error("'{0}' is not a number")]
     Number(String),
 }
 
@@ -74,9 +74,9 @@ mod tests {
     fn what_is_no_box_is_named_with_its_line() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join(FILE_NAME);
-        for (row, why) in [("1,2,3", "it must hold four numbers x,y,w,h, not 3"), ("1,2,x,4", "'x' is no number")] {
+        for (row, why) in [("1,2,3", "it must hold four numbers x,y,w,h, not 3"), ("1,2,x,4", "'x' is not a number")] {
             std::fs::write(&path, format!("1,2,3,4\n{row}\n")).unwrap();
-            let expected = format!("{}, line 2: '{row}' is no box: {why}", path.display());
+            let expected = format!("{}, line 2: '{row}' is not a box: {why}", path.display());
             assert_eq!(read(&path).unwrap_err().to_string(), expected);
         }
     }

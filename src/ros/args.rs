@@ -13,7 +13,7 @@ use super::fault::Fault;
 use super::names::{Rule, is_namespace};
 use crate::params::Overrides;
 
-/// Follows a target that is marked in a camera stream.
+/// Follows the targets you mark in a camera stream.
 #[derive(Parser, Debug)]
 #[command(
     name = "tracker_node",
@@ -22,12 +22,12 @@ use crate::params::Overrides;
     after_help = "ROS arguments:\n  \
         -r, --remap FROM:=TO           Rename a topic or service; __ns:=/NS and __node:=NAME rename the node\n  \
         -p, --param NAME:=VALUE        Set a parameter\n      \
-        --params-file FILE         Set the parameters of a ROS parameter file\n      \
+        --params-file FILE         Read a ROS parameter file\n      \
         --log-level [NAME:=]LEVEL  debug, info, warn, error or fatal\n      \
-        --disable-rosout-logs      Do not send log lines to /rosout\n      \
-        --disable-stdout-logs      Do not write log lines to the terminal\n      \
-        --disable-external-lib-logs  Do not write log lines to a file\n      \
-        --log-file-name NAME       What the name of the log file begins with"
+        --disable-rosout-logs      Do not publish log lines on /rosout\n      \
+        --disable-stdout-logs      Do not print log lines\n      \
+        --disable-external-lib-logs  Do not write a log file\n      \
+        --log-file-name NAME       Prefix of the log file's name"
 )]
 struct Own {}
 
@@ -48,7 +48,7 @@ pub struct Args {
     pub no_terminal: bool,
     /// Whether none go to a file.
     pub no_file: bool,
-    /// What the name of the log file begins with; the program's name where it is not said.
+    /// Prefix of the log file's name; the program's name where it is not said.
     pub file_name: Option<String>,
 }
 
@@ -138,7 +138,7 @@ fn enclave(name: String) -> Result<String, Fault> {
     if is_namespace(&name) {
         return Ok(name);
     }
-    let why = "an enclave's name must begin with '/' and hold valid names between its slashes".to_owned();
+    let why = "an enclave's name must begin with '/' and have valid names between its slashes".to_owned();
     Err(Fault::Argument { argument: format!("--enclave {name}"), why })
 }
 
@@ -212,7 +212,7 @@ mod tests {
             ("node --ros-args -r nonsense", "'nonsense'"),
             ("node --ros-args --enclave e", "'--enclave e': an enclave's name must begin with '/'"),
             ("node --ros-args -e /a//b", "'--enclave /a//b'"),
-            ("node --ros-args -p x", "'x' is no parameter assignment"),
+            ("node --ros-args -p x", "'x' is not a parameter assignment"),
             ("node --ros-args --log-level loud", "debug, info, warn, error or fatal"),
             ("node stray", "unexpected argument 'stray'"),
         ] {

@@ -28,7 +28,7 @@ const MOST_ID: usize = 256;
 enum Refusal {
     #[error(transparent)]
     Read(#[from] ReadError),
-    #[error("its id has {len} bytes, at most {MOST_ID} are taken")]
+    #[error("its id has {len} bytes, at most {MOST_ID} are allowed")]
     LongId { len: usize },
 }
 

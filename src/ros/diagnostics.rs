@@ -144,7 +144,7 @@ fn images(topic: &str, last: &Counts, now: &Counts) -> Part {
     let came = now.received - last.received;
     let rate = rate(came, last, now);
     let troubles: Vec<String> = [
-        (now.missed - last.missed, "lost on the way"),
+        (now.missed - last.missed, "missed"),
         (now.rejected - last.rejected, "refused"),
         (now.skipped - last.skipped, "skipped"),
     ]
@@ -161,7 +161,7 @@ fn images(topic: &str, last: &Counts, now: &Counts) -> Part {
         ("topic", topic.to_owned()),
         ("rate (Hz)", format!("{rate:.1}")),
         ("received", now.received.to_string()),
-        ("lost on the way", now.missed.to_string()),
+        ("missed", now.missed.to_string()),
         ("refused", now.rejected.to_string()),
         ("skipped", now.skipped.to_string()),
     ];
@@ -217,7 +217,7 @@ mod tests {
         let good = images("/eye", &counts(begin, [100, 7, 3]), &counts(end, [160, 7, 3]));
         assert_eq!((good.level, good.message.as_str()), (OK, "30.0 a second"));
         let bad = images("/eye", &counts(begin, [100, 7, 3]), &counts(end, [130, 9, 4]));
-        assert_eq!((bad.level, bad.message.as_str()), (WARN, "15.0 a second, 2 lost on the way, 1 skipped"));
+        assert_eq!((bad.level, bad.message.as_str()), (WARN, "15.0 a second, 2 missed, 1 skipped"));
         let none = images("/eye", &counts(begin, [100, 7, 3]), &counts(end, [100, 7, 3]));
         assert_eq!((none.level, none.message.as_str()), (WARN, "no image on /eye"));
     }

@@ -75,13 +75,13 @@ impl Environment {
         });
         if !peers.is_empty() && !obeys_peers {
             warnings.push(format!(
-                "ROS_STATIC_PEERS={}: ignored, as ROS_LOCALHOST_ONLY or ROS_AUTOMATIC_DISCOVERY_RANGE say",
+                "ROS_STATIC_PEERS={}: ignored because of ROS_LOCALHOST_ONLY or ROS_AUTOMATIC_DISCOVERY_RANGE",
                 peers.join(";")
             ));
             peers.clear();
         } else if !peers.is_empty() && reach == Reach::Localhost {
             warnings.push(format!(
-                "ROS_STATIC_PEERS={}: with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST this node reaches only those on \
+                "ROS_STATIC_PEERS={}: with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST this node reaches only peers on \
                  this machine; use SUBNET for others",
                 peers.join(";")
             ));
@@ -120,8 +120,8 @@ fn reach(variable: &impl Fn(&str) -> Option<String>, warnings: &mut Vec<String>)
         Some("OFF") => (Reach::Off, false),
         Some(other) => {
             warnings.push(format!(
-                "ROS_AUTOMATIC_DISCOVERY_RANGE={other}: it must be SUBNET, LOCALHOST, OFF or SYSTEM_DEFAULT; LOCALHOST \
-                 is taken"
+                "ROS_AUTOMATIC_DISCOVERY_RANGE={other}: it must be SUBNET, LOCALHOST, OFF or SYSTEM_DEFAULT; \
+                 LOCALHOST is used"
             ));
             (Reach::Localhost, true)
         }
@@ -134,9 +134,9 @@ fn security(variable: &impl Fn(&str) -> Option<String>, enclave: Option<&str>) -
     // As in rcl, any other value means no.
     let is_enabled = variable("ROS_SECURITY_ENABLE").as_deref() == Some("true");
     let strategy = variable("ROS_SECURITY_STRATEGY").unwrap_or_default();
-    let unsupported = "the security of ROS 2 is not supported by this node";
+    let unsupported = "this node does not support ROS 2 security";
     if is_enabled && strategy == "Enforce" {
-        let why = format!("{unsupported}, and it does not start without where ROS_SECURITY_ENABLE=true enforces it");
+        let why = format!("{unsupported}, and does not start where ROS_SECURITY_STRATEGY=Enforce requires it");
         return Err(Fault::Environment { variable: "ROS_SECURITY_STRATEGY", value: strategy, why });
     }
     let asked = match (is_enabled, enclave) {
@@ -144,27 +144,25 @@ fn security(variable: &impl Fn(&str) -> Option<String>, enclave: Option<&str>) -
         (false, Some(enclave)) => format!("--enclave {enclave}"),
         (false, None) => return Ok(None),
     };
-    Ok(Some(format!(
-        "{asked}: {unsupported}; it neither signs nor encrypts, and everybody in its domain may talk to it"
-    )))
+    Ok(Some(format!("{asked}: {unsupported}; it neither signs nor encrypts, and anyone in its domain can talk to it")))
 }
 
 /// Whoever sets another implementation expects to meet its peers.
 fn implementation(variable: &impl Fn(&str) -> Option<String>) -> Option<String> {
     let name = variable("RMW_IMPLEMENTATION")?;
     let meets = if DDS_IMPLEMENTATIONS.iter().any(|known| name.starts_with(known)) {
-        "it meets nodes of that implementation all the same"
+        "it can talk to nodes of that implementation all the same"
     } else {
-        "it meets nodes only whose implementation speaks DDS too"
+        "it can talk only to nodes whose implementation uses DDS as well"
     };
-    Some(format!("RMW_IMPLEMENTATION={name}: ignored; this node speaks DDS by RustDDS, and {meets}"))
+    Some(format!("RMW_IMPLEMENTATION={name}: ignored; this node uses RustDDS, and {meets}"))
 }
 
 fn server(variable: &impl Fn(&str) -> Option<String>) -> Option<String> {
     let value = variable("ROS_DISCOVERY_SERVER")?;
     Some(format!(
         "ROS_DISCOVERY_SERVER={value}: discovery servers are not supported; this node finds others by multicast, and \
-         is not found by those that ask a server only"
+         peers that only ask a server do not find it"
     ))
 }
 
@@ -173,8 +171,8 @@ fn address(host: &str) -> Option<IpAddr> {
     let found = (host, 0).to_socket_addrs().map(|found| found.map(|a| a.ip()).find(IpAddr::is_ipv4));
     match found {
         Ok(Some(address)) => return Some(address),
-        Ok(None) => warn!("ROS_STATIC_PEERS: '{host}' has no IPv4 address; it is passed over"),
-        Err(why) => warn!("ROS_STATIC_PEERS: '{host}' cannot be found, {why}; it is passed over"),
+        Ok(None) => warn!("ROS_STATIC_PEERS: '{host}' has no IPv4 address; it is ignored"),
+        Err(why) => warn!("ROS_STATIC_PEERS: '{host}' cannot be resolved, {why}; it is ignored"),
     }
     None
 }
@@ -189,7 +187,7 @@ pub fn buffer_warning() -> Option<String> {
     let limit = receive_buffer_limit()?;
     (limit < ENOUGH_RMEM).then(|| {
         format!(
-            "the kernel allows receive buffers of {limit} bytes only, and large images will be lost; run: \
+            "the kernel limits receive buffers to {limit} bytes, and large images will be lost; run: \
              sudo sysctl -w net.core.rmem_max={RECEIVE_BUFFER}"
         )
     })

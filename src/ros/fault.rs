@@ -37,11 +37,11 @@ pub enum Fault {
     /// The process takes more memory than it may.
     #[error(
         "resident memory of {resident_mb} MB is more than the {limit_mb} MB that parameter 'limits.memory_mb' allows: \
-         the node ends itself"
+         the node exits"
     )]
     Memory { resident_mb: u64, limit_mb: u64 },
     /// The process did not come to its end when it should.
-    #[error("still running {seconds:.1} s after the node was to end, so the process is ended: {threads}")]
+    #[error("still running {seconds:.1} s after shutdown began, so the process is ended: {threads}")]
     Hung { seconds: f64, threads: String },
 }
 

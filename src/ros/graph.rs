@@ -124,8 +124,8 @@ impl Graph {
                     if let Some(held) = throttle.pass((), Instant::now()) {
                         let name = self.own.full();
                         warn!(
-                            "another node is named {name} too: services and parameters of that name may be answered by \
-                             either, and tools show one of them; rename one, by -r __node:=NAME or -r \
+                            "another node is also named {name}: either may answer its services and parameters, and \
+                             tools show only one; rename one with -r __node:=NAME or -r \
                              __ns:=/NAMESPACE{}",
                             held_back(held)
                         );

@@ -57,9 +57,9 @@ impl ImageHistory {
 
     /// Keeps the frame of this stamp for the page until it is released, in the place of one that was held for it.
     pub fn hold(&mut self, page: u64, stamp: Stamp) -> Result<(), String> {
-        let Some(wanted) = stamp else { return Err("the images bear no stamps".to_owned()) };
+        let Some(wanted) = stamp else { return Err("the images have no stamps".to_owned()) };
         let frame = self.frames().find(|frame| frame.frame().stamp() == stamp).cloned();
-        let frame = frame.ok_or_else(|| format!("no image of {} is kept", told(wanted)))?;
+        let frame = frame.ok_or_else(|| format!("no image with stamp {} is kept", told(wanted)))?;
         self.release(page);
         self.held.push((page, frame));
         Ok(())
@@ -101,7 +101,7 @@ pub fn find(stamp: Stamp, kept: &[Arc<Received>], newest: &Arc<Received>) -> Nam
         return Named::Here(vec![newest.clone()]);
     };
     let Some(now) = now else {
-        return Named::Unknown(format!("no image of {} is known: the images bear no stamps", told(wanted)));
+        return Named::Unknown(format!("no image with stamp {} is known: the images have no stamps", told(wanted)));
     };
     let end = kept.iter().rposition(|frame| Arc::ptr_eq(frame, newest)).map_or(0, |last| last + 1);
     let kept = &kept[..end];
@@ -113,7 +113,7 @@ pub fn find(stamp: Stamp, kept: &[Arc<Received>], newest: &Arc<Received>) -> Nam
     }
     let oldest = kept.first().and_then(|frame| frame.frame().stamp()).unwrap_or(now);
     Named::Unknown(format!(
-        "no image of {} is kept: the {} there are bear stamps from {} to {}",
+        "no image with stamp {} is kept: the {} kept ones have stamps from {} to {}",
         told(wanted),
         kept.len().max(1),
         told(oldest),
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(stamps(history.frames()), [1, 8, 9], "one a page");
         history.release(8);
         assert_eq!(stamps(history.frames()), [8, 9]);
-        assert_eq!(history.hold(8, Some(1)).unwrap_err(), "no image of 0.000000001 is kept");
+        assert_eq!(history.hold(8, Some(1)).unwrap_err(), "no image with stamp 0.000000001 is kept");
         assert!(history.hold(8, None).is_err());
         history.push(&frame(-2 * MOST_BACK));
         assert_eq!(stamps(history.frames()), [-2 * MOST_BACK]);
@@ -226,14 +226,14 @@ mod tests {
         assert_eq!(here(30 + MOST_AHEAD, &kept[2]).unwrap_err(), "");
         assert_eq!(
             here(15, &kept[2]).unwrap_err(),
-            "no image of 0.000000015 is kept: the 3 there are bear stamps from 0.000000010 to 0.000000030"
+            "no image with stamp 0.000000015 is kept: the 3 kept ones have stamps from 0.000000010 to 0.000000030"
         );
-        assert!(here(31 + MOST_AHEAD, &kept[2]).unwrap_err().starts_with("no image of 1.000000031 is kept"));
+        assert!(here(31 + MOST_AHEAD, &kept[2]).unwrap_err().starts_with("no image with stamp 1.000000031 is kept"));
         let newest = frame(50);
         assert_eq!(here(50, &newest).unwrap(), [50], "the newest need not be kept");
         assert!(
             here(40, &newest).unwrap_err().ends_with("the 1 there are bear stamps from 0.000000050 to 0.000000050")
         );
-        assert!(here(7, &frame(0)).unwrap_err().contains("bear no stamps"));
+        assert!(here(7, &frame(0)).unwrap_err().contains("have no stamps"));
     }
 }

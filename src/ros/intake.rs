@@ -93,13 +93,13 @@ impl Intake {
             }
         };
         if (last.size, last.encoding) != (now.size, now.encoding) {
-            tell(Complaint::Changed, format!("images are {now} now, and were {last}"));
+            tell(Complaint::Changed, format!("images are now {now}, and were {last}"));
         }
         if let (Some(before), Some(after)) = (last.stamp, now.stamp)
             && after < before
         {
             let seconds = (before - after) as f64 / 1e9;
-            tell(Complaint::JumpedBack, format!("the stamps of images jumped back by {seconds:.3} s"));
+            tell(Complaint::JumpedBack, format!("image stamps jumped back by {seconds:.3} s"));
         }
     }
 }

@@ -87,7 +87,7 @@ pub fn start(args: &Args, node: &NodeName) {
         }));
     }
     if let Some((path, why)) = failure {
-        warn!("log lines go to no file, for {} cannot be made: {why}", path.display());
+        warn!("no log file is written: {} cannot be created: {why}", path.display());
     }
 }
 
@@ -212,7 +212,7 @@ impl<K: PartialEq> Throttle<K> {
 
 /// ` (N more like it)` where lines were held back.
 pub fn held_back(n: u64) -> String {
-    if n == 0 { String::new() } else { format!(" ({n} more like it since the last such line)") }
+    if n == 0 { String::new() } else { format!(" ({n} more like it since the last one)") }
 }
 
 #[cfg(test)]

@@ -67,11 +67,11 @@ impl Names {
         let namespace = rule(&["__ns"]).unwrap_or_else(|| default.namespace.clone());
         let name = rule(&["__node", "__name"]).unwrap_or_else(|| default.name.clone());
         if !is_token(&name) {
-            let why = "a node's name must hold letters, digits and '_' only and must not begin with a digit";
+            let why = "a node name may contain only letters, digits and '_', and must not begin with a digit";
             return Err(Fault::Name { name, why: why.to_owned() });
         }
         if !is_namespace(&namespace) {
-            let why = "a namespace must begin with '/' and hold valid names between its slashes";
+            let why = "a namespace must begin with '/' and have valid names between its slashes";
             return Err(Fault::Name { name: namespace, why: why.to_owned() });
         }
         Ok(Self { node: NodeName { namespace, name }, rules })
@@ -113,7 +113,9 @@ impl Names {
         }
         let parsed = check(&full).and_then(|()| Name::parse(&full).map_err(|e| NameError::Other(e.to_string())));
         parsed.map_err(|why| match by {
-            Some(rule) => Fault::Argument { argument: rule.text.clone(), why: format!("'{full}' is no name: {why}") },
+            Some(rule) => {
+                Fault::Argument { argument: rule.text.clone(), why: format!("'{full}' is not a valid name: {why}") }
+            }
             None => Fault::Name { name: full, why: why.to_string() },
         })
     }
@@ -137,7 +139,7 @@ impl Names {
 /// Which of the rules for names one breaks.
 #[derive(Debug, thiserror::Error)]
 enum NameError {
-    #[error("it holds '{0}', and names hold letters, digits, '_' and '/' only")]
+    #[error("it contains '{0}'; names may contain only letters, digits, '_' and '/'")]
     Character(char),
     #[error("there must be a name before, between and after its slashes")]
     Empty,

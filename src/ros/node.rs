@@ -156,7 +156,7 @@ impl Threads {
             ];
             parts.extend(commands.parts());
             parts.extend(parameters.parts());
-            let ended = async { Some(format!("{} came to an end", first_to_end(parts).await)) };
+            let ended = async { Some(format!("{} ended", first_to_end(parts).await)) };
             smol::block_on(smol::future::or(ended, until(&closed)))
         };
         let draw = feed.clone();

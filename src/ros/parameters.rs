@@ -79,8 +79,8 @@ impl NodeSettings {
             fixed(policy, description, choices, None, Value::String(choices[0].to_owned()))
         };
         let sim_time =
-            "Whether /diagnostics and /rosout bear the time of /clock; tracking goes by the stamps of images.";
-        let depth = "How many images are kept until they are read; only the newest is tracked.";
+            "Whether /diagnostics and /rosout use the time of /clock. Tracking always uses the images' stamps.";
+        let depth = "Maximum number of images that wait to be read. Only the newest is tracked.";
         let own = vec![
             NodeParameter {
                 name: USE_SIM_TIME.to_owned(),
@@ -93,14 +93,14 @@ impl NodeSettings {
             choice(
                 ImageQos::RELIABILITY,
                 &ImageQos::RELIABILITIES,
-                "Whether lost parts of images are asked for again.",
+                "Whether lost parts of images are requested again.",
             ),
             choice(
                 ImageQos::DURABILITY,
                 &ImageQos::DURABILITIES,
-                "Whether images are wanted that were published before the node was there.",
+                "Whether images published before the node started are requested.",
             ),
-            choice(ImageQos::HISTORY, &ImageQos::HISTORIES, "Whether images are kept up to the depth or all."),
+            choice(ImageQos::HISTORY, &ImageQos::HISTORIES, "Whether up to `depth` images are kept, or all."),
             fixed(ImageQos::DEPTH, depth, &[], Some((1..=MAX_DEPTH).into()), Value::Integer(1)),
         ];
         Self { params: Params::default(), own, qos_prefix }
@@ -238,7 +238,7 @@ fn nothing_for(node: &NodeName, path: &Path, named: &[String]) -> String {
         _ if named.len() > TOLD => format!("it is for {} and {} more", named[..TOLD].join(", "), named.len() - TOLD),
         _ => format!("it is for {}", named.join(", ")),
     };
-    format!("parameter file {}: nothing in it is for {}; {others}", path.display(), node.full())
+    format!("parameter file {}: it holds nothing for {}; {others}", path.display(), node.full())
 }
 
 /// What is told of a parameter whose last value need not be the one that holds.
@@ -246,7 +246,7 @@ fn several_types(given: &Override) -> String {
     let kinds: Vec<_> = given.kinds.iter().map(|k| k.name()).collect();
     let (name, value) = (&given.name, given.value());
     format!(
-        "parameter '{name}' is given values of several types ({}); as in every node, {value} holds",
+        "parameter '{name}' is given values of several types ({}); as in every node, {value} is used",
         kinds.join(", ")
     )
 }
@@ -432,7 +432,7 @@ mod tests {
     fn files_for_others_and_values_of_several_types_are_told() {
         let named: Vec<String> = ["/a", "/b", "/c", "/d", "/e", "/f", "/g"].map(str::to_owned).into();
         let told = |named: &[String]| nothing_for(&NodeName::default(), Path::new("f.yaml"), named);
-        assert_eq!(told(&[]), "parameter file f.yaml: nothing in it is for /tracker; it names no node");
+        assert_eq!(told(&[]), "parameter file f.yaml: it holds nothing for /tracker; it names no node");
         assert!(told(&named[..2]).ends_with("it is for /a, /b"));
         assert!(told(&named).ends_with("it is for /a, /b, /c, /d, /e and 2 more"));
         let mut overrides = Overrides::default();
@@ -452,7 +452,7 @@ mod tests {
         let message = settings().load(&sources, &NodeName::default()).unwrap_err().to_string();
         assert!(message.contains(file.path().to_str().unwrap()), "{message}");
         assert!(
-            message.contains("line 1, column 43: parameter 'debug.max_side' must lie in 16 to 4096, got 1"),
+            message.contains("line 1, column 43: parameter 'debug.max_side' must be from 16 to 4096, got 1"),
             "{message}"
         );
     }

@@ -249,7 +249,7 @@ impl Supervisor {
     /// Waits until the node is to end. From then on it has `PATIENCE` to do so.
     pub fn wait(&self) -> Reason {
         self.reasons.recv().unwrap_or_else(|_| {
-            Err(Fault::Thread { name: "supervisor".to_owned(), why: "it takes no more notice".to_owned() })
+            Err(Fault::Thread { name: "supervisor".to_owned(), why: "it no longer responds".to_owned() })
         })
     }
 }
@@ -344,8 +344,8 @@ mod tests {
     #[test]
     fn memory_past_its_limit_ends_the_process_at_any_time() {
         let (mut watch, now) = (watch(), Instant::now());
-        let told = "leave: resident memory of 101 MB is more than the 100 MB that parameter 'limits.memory_mb' allows: \
-                    the node ends itself";
+        let told = "leave: resident memory of 101 MB is more than the 100 MB that parameter 'limits.memory_mb' \
+                    allows: the node exits";
         assert_eq!(line(watch.look(Some(100_000_000), now)), "");
         assert_eq!(line(watch.look(Some(101_000_000), now)), told);
         watch.note(Event::Signal, now);

@@ -48,10 +48,10 @@ fn mismatch(publisher: &PublicationBuiltinTopicData, kind: &str, qos: ImageQos) 
     let reliable = !matches!(publisher.reliability, Some(Reliability::BestEffort));
     let transient_local = publisher.durability.is_some_and(|d| d >= Durability::TransientLocal);
     if qos.reliable && !reliable {
-        differs.push(format!("it is {}, {} is asked for", reliability(false), reliability(true)));
+        differs.push(format!("it is {}, {} is requested", reliability(false), reliability(true)));
     }
     if qos.transient_local && !transient_local {
-        differs.push(format!("it is {}, {} is asked for", durability(false), durability(true)));
+        differs.push(format!("it is {}, {} is requested", durability(false), durability(true)));
     }
     (!differs.is_empty()).then(|| differs.join(" and "))
 }
@@ -100,7 +100,7 @@ mod tests {
         let asked = ImageQos { reliable: true, transient_local: true, ..SENSOR };
         let text = line("/image", KIND, asked, 5, publishers[..1].iter());
         assert!(
-            text.contains("it is best_effort, reliable is asked for and it is volatile, transient_local is"),
+            text.contains("it is best_effort, reliable is requested and it is volatile, transient_local is"),
             "{text}"
         );
         let none = line("/image", KIND, SENSOR, 5, publishers[..0].iter());

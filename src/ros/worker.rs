@@ -167,7 +167,7 @@ impl Worker {
                     self.show(None, || Event::Stopped(Some(id.clone())));
                     memory.say(Line::Stopped, Level::Info, format!("target {id} stopped"));
                 } else {
-                    memory.say(Line::NoTarget, Level::Info, format!("no target {id} was followed"));
+                    memory.say(Line::NoTarget, Level::Info, format!("there was no target {id}"));
                 }
                 None
             }
@@ -251,7 +251,7 @@ impl Worker {
         if was {
             self.show(None, || Event::Stopped(None));
         }
-        let (line, message) = if was { (Line::Stopped, "stopped") } else { (Line::NoTarget, "no target was followed") };
+        let (line, message) = if was { (Line::Stopped, "stopped") } else { (Line::NoTarget, "there was no target") };
         memory.say(line, Level::Info, message.to_owned());
         message
     }

@@ -103,7 +103,7 @@ fn the_node_tells_of_a_file_that_is_not_for_it() {
     fs::write(&path, "camera: {ros__parameters: {rate: 30}}\n").expect("the file written");
     let path = path.to_str().expect("text");
     let node = Node::start(domain(), &["--ros-args", "-p", "lcmht.cnn.enabled:=no", "--params-file", path]);
-    node.wait_for(&format!("parameter file {path}: nothing in it is for /tracker; it is for camera"));
+    node.wait_for(&format!("parameter file {path}: it holds nothing for /tracker; it is for camera"));
     node.wait_for("waits for images");
     node.end();
 }
@@ -115,11 +115,8 @@ fn the_node_refuses_what_others_refuse_and_says_where() {
     let deep = format!("{HEAD}off\n    a: {}", "[".repeat(160_000));
     let large = format!("{HEAD}off\n#{}", "x".repeat(2_000_000));
     for (text, part) in [
-        (
-            format!("{HEAD}off\n    a: &x 1\n    <<: *x\n"),
-            "line 5, column 9: '*x' stands for what is written elsewhere",
-        ),
-        ("/track*: {ros__parameters: {a: 1}}".to_owned(), "line 1, column 11: '/track*' stands for no nodes"),
+        (format!("{HEAD}off\n    a: &x 1\n    <<: *x\n"), "line 5, column 9: '*x' is an alias"),
+        ("/track*: {ros__parameters: {a: 1}}".to_owned(), "line 1, column 11: '/track*' does not match a node"),
         (format!("{HEAD}[1, 2.0]\n"), "the items of a list must be of one type"),
         (format!("{HEAD}0777\n"), "'lcmht.cnn.enabled' is of type bool, got integer 511"),
         (deep, "deep"),

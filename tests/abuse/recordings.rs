@@ -102,7 +102,7 @@ fn no_image_is_passed_over_in_silence() {
         }
         let output = track(dir.path(), &[]);
         assert_follows(&output, 4, ending);
-        assert!(!said(&output).contains("passed over"), "{}", said(&output));
+        assert!(!said(&output).contains("ignored"), "{}", said(&output));
     }
     let dir = folder();
     for n in 0..3 {
@@ -115,7 +115,7 @@ fn no_image_is_passed_over_in_silence() {
     }
     let output = track(dir.path(), &[]);
     assert_follows(&output, 3, "png");
-    let expected = "passed over: 4 files (2 .gif, 1 without a suffix, 1 .heic)";
+    let expected = "ignored: 4 files (2 .gif, 1 without a suffix, 1 .heic)";
     assert!(said(&output).contains(expected), "{}", said(&output));
 }
 
@@ -227,8 +227,7 @@ fn a_folder_without_metadata_is_read_in_the_order_of_time() {
     write(dir.path().join("run_11.mcap"), "");
     let output = track(dir.path(), &[]);
     assert_follows(&output, 6, "by name and time");
-    for line in
-        ["no metadata.yaml", "its 2 files are read in the order of their names", "run_11.mcap: empty, passed over"]
+    for line in ["no metadata.yaml", "its 2 files are read in the order of their names", "run_11.mcap: empty, ignored"]
     {
         assert!(said(&output).contains(line), "no '{line}' in {}", said(&output));
     }
@@ -294,7 +293,7 @@ fn what_is_not_read_is_told_with_what_it_is_and_what_to_do() {
         (write(path("empty.mcap"), b""), vec!["empty (0 bytes)"]),
         (write(path("words.db3"), b"SQLite format 4"), vec!["neither an MCAP nor an SQLite file"]),
         (write(path("words.txt"), b"1,2,3,4\n"), vec!["a text file", "SOURCE is a folder of images"]),
-        (write(path("noise"), b"\x01\x02\x03"), vec!["no kind of file that is known here", "SOURCE is"]),
+        (write(path("noise"), b"\x01\x02\x03"), vec!["an unknown kind of file", "SOURCE is"]),
         (PathBuf::from("/dev/null"), vec!["neither a file nor a folder"]),
         (path("gone"), vec!["no such file or folder"]),
     ];
@@ -333,10 +332,10 @@ fn a_recording_without_its_end_is_read_as_far_as_it_goes() {
             let frames = String::from_utf8_lossy(&output.stdout).lines().count().saturating_sub(1);
             assert!(frames + 2 >= FRAMES * percent / 100 && frames < FRAMES, "{kind}, {percent} %: {frames} frames");
             assert_follows(&output, frames, kind);
-            assert!(said(&output).contains(&format!("cut off after {len} bytes")), "{}", said(&output));
+            assert!(said(&output).contains(&format!("truncated after {len} bytes")), "{}", said(&output));
         }
         let file = write(dir.path().join("cut.mcap"), &whole[..100]);
-        assert_told(&file, &track(&file, &[]), &["cut off after 100 bytes"]);
+        assert_told(&file, &track(&file, &[]), &["truncated after 100 bytes"]);
     }
 }
 
@@ -368,7 +367,7 @@ fn images_without_boxes_and_boxes_without_images_are_told() {
     assert!(said(&evaluate(dir.path())).contains(told));
     fs::write(&truth, rows(4)).expect("the boxes");
     assert_eq!(said(&evaluate(dir.path())), "");
-    assert_told(&walk, &evaluate(&walk), &["no sequences", "which is one itself: give the folder above"]);
+    assert_told(&walk, &evaluate(&walk), &["no sequences", "which is a sequence itself: give its parent folder"]);
 }
 
 /// What is told of folders.

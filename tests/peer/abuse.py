@@ -37,7 +37,7 @@ def bombs(folder):
         message = good(index)
         peer.index = index
 
-        # Best effort: what is lost on the way is sent again.
+        # Best effort: what is missed is sent again.
         def answered():
             peer.images.publish(message)
             peer.executor.spin_once(timeout_sec=0.1)

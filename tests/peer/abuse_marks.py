@@ -173,7 +173,7 @@ def requests():
 
     peer.spin_until(answered, "every answer")
     messages = {future.result().message for future in futures}
-    done, void = ("restarted: ", "stopped", "no target was followed"), ("stopped before", "no target has been marked")
+    done, void = ("restarted: ", "stopped", "there was no target"), ("stopped before", "no target has been marked")
     assert all(message.startswith(done + void) for message in messages), messages
     assert all(f.result().success != f.result().message.startswith(void) for f in futures), messages
 

@@ -295,12 +295,12 @@ def named_marks():
     text = lambda stamp: f"{stamp[0]}.{stamp[1]:09}"
     for wrong in [(999, 5), (1000, 5), (2000, 0)]:
         mark = detection_of(camera.scene.box(camera.index), wrong, "wrong")
-        part = f"no image of {text(wrong)} is kept: the 12 there are bear stamps from {text(oldest)} to {text(newest)}"
+        part = f"no image with stamp {text(wrong)} is kept: the 12 kept ones have stamps from {text(oldest)} to {text(newest)}"
         # A line of a kind is written once a second.
         camera.spin_until(lambda: marks.publish(mark) or told(part), f"a line with '{part}'")
     assert camera.keep_up(2).tracks[0].id == "ahead", "a refused mark changes nothing"
     marks.publish(detection_of((0, 0, 0, 0), id="nobody"))
-    camera.spin_until(lambda: told("no target nobody was followed"), "a line")
+    camera.spin_until(lambda: told("there was no target nobody"), "a line")
     marks.publish(detection_of((0, 0, 0, 0), id="ahead"))
     camera.spin_until(lambda: told("target ahead stopped"), "a line")
     camera.index += 1
@@ -334,7 +334,7 @@ def changing_stream():
         said = camera.send(encoded(camera.rgb(index + again), "rgb8", again))
         assert stamp_of(said)[0] == 1000 and iou(box_of(said.tracks[0]), camera.scene.box(index + again)) > 0.5, said
         assert abs(said.tracks[0].velocity_x) < 500, said
-    camera.spin_until(lambda: told("the stamps of images jumped back by 1.067 s"), "a line")
+    camera.spin_until(lambda: told("image stamps jumped back by 1.067 s"), "a line")
     index += 10
 
     # No clock at all: velocities are in pixels a frame.

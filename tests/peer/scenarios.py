@@ -194,7 +194,7 @@ def bad_input():
 
     parts = ["step of 959 bytes", "image of 0 x 0", "'rgb7' is not supported", "230400 bytes is shorter than 241 rows"]
     for message, part in zip(bad, parts):
-        # Best effort: what is lost on the way is sent again.
+        # Best effort: what is missed is sent again.
         def refused():
             peer.images.publish(message)
             return told(part)
@@ -264,7 +264,7 @@ def replay(folder, hurried):
     peer.send(recorded[0][1])
     peer.start()
 
-    # An image that is lost on the way stays lost.
+    # An image that is missed stays lost.
     answered = lambda image: any(stamp_of(t) == stamp_of(image) for t in peer.tracks)
     began, last = time.monotonic() - recorded[0][0] * 1e-9, recorded[0][1]
     for number, (due, image) in enumerate(recorded[1:], 1):

@@ -103,7 +103,7 @@ mod tests {
     #[test]
     fn what_is_no_text_is_refused_with_its_place() {
         for (bytes, why) in [
-            (&b"a: 1\n b\xff: 2"[..], "line 2, column 3: the byte 0xff is no UTF-8"),
+            (&b"a: 1\n b\xff: 2"[..], "line 2, column 3: the byte 0xff is not UTF-8"),
             (b"a: 1\n\x07", "line 2, column 1: the character U+0007 is not allowed"),
             (b"a\0", "line 1, column 2: the character U+0000"),
             (b"\xff\xfea", "no valid UTF-16"),

@@ -7,13 +7,13 @@ use std::io::Read;
 #[expect(missing_docs, reason = "the messages name the fields")]
 pub enum InflateError {
     /// They claim to become more than may be.
-    #[error("{len} bytes would become {claimed}, at most {most} are read")]
+    #[error("{len} bytes would decompress to {claimed}, at most {most} are allowed")]
     Claim { len: usize, claimed: u64, most: usize },
     /// They become more than may be.
-    #[error("{len} bytes become more than {most}")]
+    #[error("{len} bytes decompress to more than {most}")]
     TooLarge { len: usize, most: usize },
     /// They are no Zstandard, or become more than may be.
-    #[error("{len} bytes of zstd, at most {most} are read: {source}")]
+    #[error("{len} bytes of zstd, at most {most} are allowed: {source}")]
     Zstd { len: usize, most: usize, source: std::io::Error },
     /// They are no LZ4.
     #[error("{len} bytes of lz4: {source}")]
@@ -63,7 +63,7 @@ mod tests {
         for compressed in [&told, &untold, &two] {
             assert_eq!(zstd(compressed, data.len()).unwrap(), data);
             let why = zstd(compressed, data.len() - 1).unwrap_err().to_string();
-            assert!(why.contains("at most 39999 are read"), "{why}");
+            assert!(why.contains("at most 39999 are allowed"), "{why}");
             assert!(zstd(&compressed[..compressed.len() / 2], data.len()).is_err());
         }
         let compressed = lz4ed(&data);

@@ -129,11 +129,11 @@ impl McapSource {
         let note = match (ended, span) {
             (false, None) => return Err(self.cut_off()),
             (false, Some(_)) => format!(
-                "cut off after {} bytes, or broken: what is there is read, in the order in which it was written ('mcap \
-                 recover' makes a whole file of it)",
+                "truncated after {} bytes, or damaged: read up to there, in the order in which it was written ('mcap \
+                 recover' repairs the file)",
                 self.len
             ),
-            (true, _) => "without an index of what is in it: read in the order in which it was written".to_owned(),
+            (true, _) => "without an index: read in the order in which it was written".to_owned(),
         };
         Ok(Contents { topics, span, note: Some(note) })
     }
@@ -208,7 +208,7 @@ impl McapSource {
                 let data = Place { opcode, offset: offset + before, len: len - before };
                 Ok(Single { channel: channel_id, log_time, data })
             }
-            Ok(_) => Err(self.broken(format!("the record at {offset} is no message"))),
+            Ok(_) => Err(self.broken(format!("the record at {offset} is not a message"))),
             Err(error) => Err(self.error(error)),
         }
     }
@@ -222,7 +222,7 @@ impl McapSource {
         let mut body = Vec::new();
         self.read(place, &mut body)?;
         if texts(place.opcode, &body).is_none() {
-            return Err(self.broken(format!("the record at {} has a text that is cut off", place.offset)));
+            return Err(self.broken(format!("the record at {} has a truncated string", place.offset)));
         }
         match mcap::parse_record(place.opcode, &body).map_err(|e| self.error(e))? {
             Record::Schema { header, .. } => drop(into.schemas.insert(header.id, header.name)),
@@ -255,7 +255,10 @@ impl McapSource {
         let within = offset.checked_add(len).is_some_and(|end| end <= self.len);
         let len = usize::try_from(len).ok().filter(|&len| within && len <= self.most).ok_or_else(|| {
             let (file, most) = (self.len, self.most);
-            self.broken(format!("{len} bytes at {offset} cannot be read: the file has {file}, at most {most} are read"))
+            self.broken(format!(
+                "{len} bytes at {offset} cannot be read: the file has {file}, at most {most} are \
+                 allowed"
+            ))
         })?;
         into.clear();
         into.resize(len, 0);

@@ -64,7 +64,7 @@ impl Metadata {
         let failed = |why: String| BagError::Metadata { path: yaml.clone(), why };
         let depth = depth(&text);
         if depth > MOST_DEPTH {
-            return Err(failed(format!("{depth} brackets stand within each other, at most {MOST_DEPTH} are read")));
+            return Err(failed(format!("brackets are nested {depth} deep, at most {MOST_DEPTH} are allowed")));
         }
         let document: Document = serde_yaml_ng::from_str(&text).map_err(|e| failed(e.to_string()))?;
         let info = document.rosbag2_bagfile_information;
@@ -75,7 +75,7 @@ impl Metadata {
             "message" | "file" if format == ZSTD => {}
             _ => {
                 return Err(failed(format!(
-                    "compression '{format}' by '{mode}' is not read; decompress the bag first"
+                    "compression '{format}' by '{mode}' is not supported; decompress the bag first"
                 )));
             }
         }
@@ -93,7 +93,7 @@ impl Metadata {
         let unpacked: Vec<_> = files.clone();
         files.retain(|file| other::suffix(file) != ZSTD_SUFFIX || !unpacked.contains(&file.with_extension("")));
         if files.is_empty() {
-            let why = format!("{FILE_NAME} is empty, and no recordings (.mcap, .db3) lie beside it");
+            let why = format!("{FILE_NAME} is empty, and there are no recordings (.mcap, .db3) beside it");
             return Err(BagError::Metadata { path: path.to_owned(), why });
         }
         order::sort(&mut files);

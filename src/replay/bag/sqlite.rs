@@ -173,8 +173,7 @@ pub fn contents(path: &Path, limits: &Limits) -> Result<Contents, BagError> {
         })?;
         topics.collect::<Result<_, _>>()
     };
-    let note =
-        copy.map(|_| "the recorder was ended while it wrote; what it had not ended writing is left out".to_owned());
+    let note = copy.map(|_| "the recorder was killed while writing; what it had not finished is left out".to_owned());
     Ok(Contents { topics: topics().map_err(|e| broken(path, &e))?, span, note })
 }
 

@@ -139,7 +139,7 @@ fn reason(topics: &[&TopicInfo]) -> &'static str {
         "; coded video is not read, for its frames are no images by themselves: record the images, or write them as \
          files ('ffmpeg -i VIDEO frames/%06d.png') and give that folder"
     } else {
-        "; read are sensor_msgs/msg/Image and sensor_msgs/msg/CompressedImage in cdr"
+        "; only sensor_msgs/msg/Image and sensor_msgs/msg/CompressedImage in cdr are read"
     }
 }
 
@@ -164,7 +164,7 @@ mod tests {
         assert_eq!(chosen(&all, Some("/a")), Ok(("/a".to_owned(), Picture::Compressed)));
         let known = "topics with images: /a (sensor_msgs/msg/CompressedImage, 4 messages), /b (sensor_msgs/msg/Image, \
                      3 messages)";
-        assert_eq!(chosen(&all, None), Err(format!("a.mcap: choose by --topic NAME; {known}")));
+        assert_eq!(chosen(&all, None), Err(format!("a.mcap: choose one with --topic NAME; {known}")));
         assert_eq!(chosen(&all, Some("/c")), Err(format!("a.mcap: no topic '/c'; {known}")));
         let expected = format!("a.mcap: topic '/imu' holds sensor_msgs/msg/Imu in cdr; {known}");
         assert_eq!(chosen(&all, Some("/imu")), Err(expected));
@@ -192,7 +192,7 @@ mod tests {
             format: format.to_owned(),
             count: 3,
         };
-        let plain = "; read are sensor_msgs/msg/Image and sensor_msgs/msg/CompressedImage in cdr";
+        let plain = "; only sensor_msgs/msg/Image and sensor_msgs/msg/CompressedImage in cdr are read";
         for (topic, reason) in [
             (other("/b", "sensor_msgs/msg/Image", "json"), plain),
             (other("/b", "foxglove.RawImage", "protobuf"), plain),

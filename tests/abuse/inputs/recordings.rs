@@ -56,17 +56,17 @@ fn no_length_in_an_mcap_file_is_believed() {
     let loose = |records: &[u8]| [&magic()[..], &record(1, 8, &[0; 8]), records, &footer(0)].concat();
     let lie = |chunk: Chunk, claimed| Chunk { claimed, ..chunk };
     for (what, bytes, words) in [
-        ("a chunk of 4 GiB", mcap(&[one()], 1, &[]), &["4294967296 bytes, at most 320000000 are read"][..]),
+        ("a chunk of 4 GiB", mcap(&[one()], 1, &[]), &["4294967296 bytes, at most 320000000 are allowed"][..]),
         ("a chunk that is less", mcap(&[lie(good(1), 300_000_000)], 1, &[]), &["300000000 were claimed"]),
-        ("a chunk that is more", mcap(&[lie(one(), 1000)], 1, &[]), &["the chunk at", "at most 1000 are read"]),
+        ("a chunk that is more", mcap(&[lie(one(), 1000)], 1, &[]), &["the chunk at", "at most 1000 are allowed"]),
         ("a chunk listed 300 times", mcap(&[zeros([1, 1], 9_000_000, 9_000_000)], 300, &[]), &["overlaps the one at"]),
         ("chunks in the index", mcap(&[good(1)], 1, &record(6, 9, &[0; 9])), &[]),
-        ("a long record in a chunk", inner(record(5, long, &[0; 40])), &["the record at 0 in it is cut off"]),
+        ("a long record in a chunk", inner(record(5, long, &[0; 40])), &["the record at 0 in it is truncated"]),
         ("a long schema in the index", mcap(&[good(1)], 1, &record(3, long, &[0; 99])), &["claims", "bytes"]),
         (
             "a long string in the index",
             mcap(&[good(1)], 1, &record(3, 10, &[1, 0, 255, 255, 255, 255, 1, 1, 1, 1])),
-            &["a text that is cut off"],
+            &["a truncated string"],
         ),
         ("a long message without chunks", loose(&record(5, long, &[0; 99])), &["claims 1152921504606846976 bytes"]),
         ("a long attachment", loose(&record(9, long - 1, &[0; 99])), &["claims 1152921504606846975 bytes"]),
@@ -102,7 +102,7 @@ fn chunks_that_wait_for_each_other_are_bounded_together() {
 fn what_is_whole_is_read_before_what_is_not() {
     let ran = follow(&mcap(&[good(1), good(2), zeros([3, 3], 1 << 32, 1 << 32)], 1, &[]), &[]);
     assert_eq!((ran.code, ran.out.lines().count()), (Some(1), 3), "{}", ran.err);
-    ran.refused(&["4294967296 bytes, at most 320000000 are read"], 2 * REFUSED);
+    ran.refused(&["4294967296 bytes, at most 320000000 are allowed"], 2 * REFUSED);
 }
 
 /// A folder with a recording whose messages are compressed each by itself.
@@ -124,7 +124,7 @@ fn a_compressed_message_becomes_no_more_than_may_be() {
     let bytes = mcap(&[Chunk::plain([1, 1], first), Chunk::plain([2, 2], bomb)], 1, &[]);
     let ran = track(by_message("a.mcap", &bytes).path(), &[&INIT[..], &["-p", "limits.message_mb:=50"]].concat());
     assert_eq!((ran.code, ran.out.lines().count()), (Some(1), 2), "{}", ran.err);
-    ran.refused(&["a.mcap: message on '/eye' at 0.000000002 s", "at most 50000000 are read"], 2 * REFUSED);
+    ran.refused(&["a.mcap: message on '/eye' at 0.000000002 s", "at most 50000000 are allowed"], 2 * REFUSED);
 }
 
 fn database(fill: impl Fn(&rusqlite::Connection)) -> (TempDir, PathBuf) {
@@ -162,7 +162,7 @@ fn the_description_of_a_recording_is_bounded_too() {
     let (dir, _) = file("a.mcap", &mcap(&[good(1)], 1, &[]));
     let write = |text: &str| std::fs::write(dir.path().join("metadata.yaml"), text).unwrap();
     write(&"[".repeat(160_000));
-    track(dir.path(), &INIT).refused(&["metadata.yaml: 160000 brackets stand within each other"], REFUSED);
+    track(dir.path(), &INIT).refused(&["metadata.yaml: brackets are nested 160000 deep"], REFUSED);
     std::fs::File::create(dir.path().join("metadata.yaml")).unwrap().set_len(1 << 40).unwrap();
     track(dir.path(), &INIT).refused(&["metadata.yaml: it has 1099511627776 bytes"], REFUSED);
 }

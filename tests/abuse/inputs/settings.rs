@@ -50,7 +50,7 @@ fn lines_that_peers_cause_are_held_back() {
         assert!(!all.is_empty(), "no line of '{what}' in:\n{log}");
         assert!(all.windows(2).all(|pair| pair[1] - pair[0] > 0.95), "{what}: {all:?}");
     }
-    assert!(log.contains("more like it since the last such line"), "{log}");
+    assert!(log.contains("more like it since the last one"), "{log}");
 }
 
 fn sequence() -> tempfile::TempDir {

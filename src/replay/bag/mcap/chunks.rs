@@ -19,22 +19,22 @@ const MOST_WAITING: usize = 1 << 20;
 #[derive(Debug, thiserror::Error)]
 enum ChunkError {
     /// More bytes than may be.
-    #[error("{len} bytes, at most {most} are read")]
+    #[error("{len} bytes, at most {most} are allowed")]
     TooLarge { len: u64, most: usize },
     /// More bytes than may be, with those of the chunks that are open.
     #[error("its {len} bytes and {held} of those that overlap it in time are more than {HELD} x {most}")]
     Overlap { len: usize, held: usize, most: usize },
     /// Compressed in another way.
-    #[error("compression '{0}' is not read, only zstd and lz4 are")]
+    #[error("compression '{0}' is not supported, only zstd and lz4 are")]
     Compression(String),
     #[error(transparent)]
     Inflate(#[from] InflateError),
     /// Not as long as it claims to be.
     #[error("{len} bytes, {claimed} were claimed")]
     Length { len: usize, claimed: usize },
-    #[error("the record at {at} in it is cut off")]
+    #[error("the record at {at} in it is truncated")]
     Record { at: usize },
-    #[error("the message at {at} in it is cut off")]
+    #[error("the message at {at} in it is truncated")]
     Message { at: usize },
     /// More messages wait than may.
     #[error("more than {MOST_WAITING} messages of the same time")]
