@@ -217,7 +217,7 @@ fn broken_recordings_are_told_in_one_line() {
         file("metadata.yaml", b"rosbag2_bagfile_information: {relative_file_paths: [cut.mcap, gone_1.mcap]}");
     let output = track(dir.path(), &topic);
     let said = String::from_utf8_lossy(&output.stderr);
-    let expected = format!("error: {}: names gone_1.mcap, which is not there\n", metadata.display());
+    let expected = format!("error: {}: names gone_1.mcap, which does not exist\n", metadata.display());
     assert_eq!((output.status.code(), said.as_ref()), (Some(2), expected.as_str()));
 }
 

@@ -171,7 +171,7 @@ fn without_a_marked_box_the_target_must_be_given() {
     let dir = sequence();
     let truth = dir.path().join("groundtruth_rect.txt");
     std::fs::write(&truth, "NaN,NaN,NaN,NaN\n1,2,30,40\n").unwrap();
-    let expected = format!("no target: give --init X,Y,W,H, for there is no {}", truth.display());
+    let expected = format!("no target: give --init X,Y,W,H; there is no {}", truth.display());
     assert_refused(&track(dir.path(), &[]), 2, &expected);
     std::fs::write(&truth, "1,2,30\n").unwrap();
     assert_refused(&track(dir.path(), &[]), 2, &format!("{}, line 1: '1,2,30' is not a box", truth.display()));

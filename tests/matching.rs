@@ -199,7 +199,7 @@ fn files_that_are_no_such_pair_are_refused_with_what_is_wrong() {
         (backbone.path(), none, "lcmht.matching.head"),
         (missing, head.path(), "/no/such.onnx"),
         // The one taken for the other.
-        (head.path(), backbone.path(), "more or less than one input"),
+        (head.path(), backbone.path(), "does not take exactly one input"),
         (backbone.path(), backbone.path(), "has 1 outputs"),
     ];
     for (backbone, head, part) in cases {

@@ -159,9 +159,9 @@ fn a_network_that_cannot_be_used_is_refused_with_its_name_and_what_was_expected(
     let mut nan = two_layers();
     nan[1].weights[7] = f32::NAN;
     let cases: [(&str, Vec<u8>, &str); 6] = [
-        ("words.onnx", b"no network at all".to_vec(), "expected an ONNX network of images"),
-        ("cut.onnx", good()[..200].to_vec(), "expected an ONNX network of images"),
-        ("empty.onnx", Vec::new(), "expected an ONNX network of images"),
+        ("words.onnx", b"no network at all".to_vec(), "expected an ONNX network that takes an image"),
+        ("cut.onnx", good()[..200].to_vec(), "expected an ONNX network that takes an image"),
+        ("empty.onnx", Vec::new(), "expected an ONNX network that takes an image"),
         (
             "size.onnx",
             network(&[1, 3, 48, 48], &two_layers()),
@@ -172,7 +172,7 @@ fn a_network_that_cannot_be_used_is_refused_with_its_name_and_what_was_expected(
             network(&[1, 1, 0, 0], &[convolution("far", 2, 1, 4)]),
             "takes 1 x 1 x ? x ?, expected one image of 1 x 3 x 32 x 32",
         ),
-        ("nan.onnx", network(&[1, 3, 0, 0], &nan), "not finite at output 'far', expected weights without NaN"),
+        ("nan.onnx", network(&[1, 3, 0, 0], &nan), "non-finite values at output 'far', expected weights without NaN"),
     ];
     for (name, bytes, why) in cases {
         let path = file(&folder, name, &bytes);
@@ -320,5 +320,5 @@ fn the_command_ends_with_an_error_where_the_network_is_bad() {
     assert_ne!(output.status.code(), Some(0));
     let text = String::from_utf8(output.stderr).unwrap();
     let line = text.lines().find(|line| line.contains("words.onnx")).expect("a line that names the file");
-    assert!(line.contains("expected an ONNX network of images"), "{text}");
+    assert!(line.contains("expected an ONNX network that takes an image"), "{text}");
 }

@@ -97,10 +97,10 @@ fn both_refuse_the_same_networks() {
     let folder = tempfile::tempdir().unwrap();
     let layer = |weight: f32| Convolution { name: "a", stride: 2, inputs: 3, outputs: 1, weights: vec![weight; 27] };
     let cases: [(&str, Vec<u8>, &str); 5] = [
-        ("words.onnx", b"no network at all".to_vec(), "expected an ONNX network of images"),
+        ("words.onnx", b"no network at all".to_vec(), "expected an ONNX network that takes an image"),
         ("size.onnx", network(&[1, 3, 48, 48], &[layer(1.0)]), "takes 1 x 3 x 48 x 48, expected one image"),
         ("batch.onnx", network(&[2, 3, 0, 0], &[layer(1.0)]), "takes 2 x 3 x ? x ?, expected one image"),
-        ("nan.onnx", network(&[1, 3, 0, 0], &[layer(f32::NAN)]), "not finite at output 'a'"),
+        ("nan.onnx", network(&[1, 3, 0, 0], &[layer(f32::NAN)]), "non-finite values at output 'a'"),
         (
             "name.onnx",
             network(&[1, 3, 0, 0], &[Convolution { name: "b", ..layer(1.0) }]),

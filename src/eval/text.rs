@@ -236,7 +236,7 @@ long-term: precision 0.000, recall 0.000, F 0.625
         let text = table.to_string();
         for part in [
             "F 0.625 at confidence 0.30; 0.000 with every answer\n",
-            "absences: 2 (0 frames); lost said in 2 (after 2.5 frames), in 0 of 0 long ones in time\n",
+            "absences: 2 (0 frames); reported lost in 2 (after 2.5 frames), in 0 of 0 long ones in time\n",
             "returns: 0; found again 0 (after - frames)\n",
             "calibration: expected error 0.100\n\
              \x20 confidence     -     -     -     -     -     -     -     -  0.85     -\n",

@@ -278,9 +278,9 @@ mod tests {
     #[test]
     fn what_is_not_obeyed_is_told_in_one_line_each() {
         for (name, value, told) in [
-            ("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp", "meets nodes of that implementation all the same"),
-            ("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp", "meets nodes of that implementation all the same"),
-            ("RMW_IMPLEMENTATION", "rmw_zenoh_cpp", "only whose implementation speaks DDS too"),
+            ("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp", "can talk to nodes of that implementation all the same"),
+            ("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp", "can talk to nodes of that implementation all the same"),
+            ("RMW_IMPLEMENTATION", "rmw_zenoh_cpp", "only to nodes whose implementation uses DDS"),
             ("ROS_DISCOVERY_SERVER", "127.0.0.1:11811", "discovery servers are not supported"),
         ] {
             let warnings = read(&[(name, value)]).unwrap().warnings;

@@ -232,7 +232,7 @@ mod tests {
         let newest = frame(50);
         assert_eq!(here(50, &newest).unwrap(), [50], "the newest need not be kept");
         assert!(
-            here(40, &newest).unwrap_err().ends_with("the 1 there are bear stamps from 0.000000050 to 0.000000050")
+            here(40, &newest).unwrap_err().ends_with("the 1 kept ones have stamps from 0.000000050 to 0.000000050")
         );
         assert!(here(7, &frame(0)).unwrap_err().contains("have no stamps"));
     }

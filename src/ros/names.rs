@@ -226,11 +226,11 @@ mod tests {
             assert!(names(&rules).is_err(), "{rules:?}");
         }
         for (to, why) in [
-            ("a//b", "'/a//b' is no name: there must be a name before, between and after its slashes"),
-            ("a/", "'/a/' is no name: there must be"),
-            ("/1", "'/1' is no name: '1' begins with a digit"),
-            ("a b", "'/a b' is no name: it holds ' ', and names hold letters"),
-            ("/my-camera/x", "'/my-camera/x' is no name: it holds '-'"),
+            ("a//b", "'/a//b' is not a valid name: there must be a name before, between and after its slashes"),
+            ("a/", "'/a/' is not a valid name: there must be"),
+            ("/1", "'/1' is not a valid name: '1' begins with a digit"),
+            ("a b", "'/a b' is not a valid name: it contains ' '; names may contain only letters"),
+            ("/my-camera/x", "'/my-camera/x' is not a valid name: it contains '-'"),
         ] {
             let n = names(&[&format!("image:={to}")]).unwrap();
             let message = n.topic("image").unwrap_err().to_string();

@@ -319,8 +319,7 @@ mod tests {
         assert_eq!(line(watch.note(Event::Signal, now)), "end: ok");
         assert_eq!(line(watch.note(Event::Ended("spin", None), now)), "");
         assert_eq!(line(watch.look(None, now + PATIENCE - MS)), "");
-        let told =
-            "leave: still running 3.0 s after the node was to end, so the process is ended: the worker thread hangs";
+        let told = "leave: still running 3.0 s after shutdown began, so the process is ended: the worker thread hangs";
         assert_eq!(line(watch.look(None, now + PATIENCE)), told);
     }
 

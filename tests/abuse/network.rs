@@ -86,11 +86,11 @@ fn a_second_node_of_the_name_is_told() {
     let domain = domain();
     let node = Node::start(domain, &[]);
     peer(domain, "namesake", &["other"]).succeed(&node);
-    assert!(!node.log().contains("is named /tracker too"), "{}", node.log());
+    assert!(!node.log().contains("is also named /tracker"), "{}", node.log());
     peer(domain, "namesake", &["tracker"]).succeed(&node);
-    node.wait_for("another node is named /tracker too");
+    node.wait_for("another node is also named /tracker");
     let log = node.end();
-    assert_eq!(log.matches("is named /tracker too").count(), 1, "{log}");
+    assert_eq!(log.matches("is also named /tracker").count(), 1, "{log}");
 }
 
 #[test]

@@ -176,7 +176,7 @@ fn recordings_in_sqlite_are_read_where_nothing_can_be_written_and_as_a_recorder_
         assert_follows(&on_read_only(place.path(), "a b%20?.db3"), 4, &what);
         let output = track(&place.path().join("a b%20?.db3"), &[]);
         assert_follows(&output, 4, &what);
-        assert_eq!(said(&output).contains("ended while it wrote"), kind == "journal", "{}", said(&output));
+        assert_eq!(said(&output).contains("killed while writing"), kind == "journal", "{}", said(&output));
         assert_eq!(fs::read_dir(place.path()).expect("the folder").count(), before, "{what}: something was left there");
     }
     drop((open, writing));
@@ -277,7 +277,7 @@ fn what_is_not_read_is_told_with_what_it_is_and_what_to_do() {
         ),
         (
             bag("info.mcap", other("/camera_info", "sensor_msgs/msg/CameraInfo", "cdr", 3)),
-            vec!["no topic with images", "/camera_info (sensor_msgs/msg/CameraInfo", "read are sensor_msgs/msg/Image"],
+            vec!["no topic with images", "/camera_info (sensor_msgs/msg/CameraInfo", "only sensor_msgs/msg/Image"],
         ),
         (
             bag("silent.mcap", other("/eye", RAW, "cdr", 0)),

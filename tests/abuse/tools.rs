@@ -148,7 +148,7 @@ fn no_log_file_is_made_where_none_is_wanted_or_none_can_be() {
     node.wait_for("waits for images", Logging::terminal);
     assert_eq!(node.end(), Some(0));
     let terminal = node.terminal();
-    assert_eq!(terminal.matches("log lines go to no file, for /proc/no/such/tracker_node_").count(), 1, "{terminal}");
+    assert_eq!(terminal.matches("no log file is written: /proc/no/such/tracker_node_").count(), 1, "{terminal}");
 }
 
 #[test]

@@ -318,7 +318,7 @@ def changing_stream():
     camera.zoom = (2, 2)
     track = camera.keep_up(10, 0.6).tracks[0]
     assert track.age == 20 and 70 < track.size_x < 90, track
-    assert camera.spin_until(lambda: told("images are 640 x 480 rgb8 now, and were 320 x 240 rgb8"), "a line")
+    assert camera.spin_until(lambda: told("images are now 640 x 480 rgb8, and were 320 x 240 rgb8"), "a line")
     camera.zoom = (1, 1)
     camera.encoding = "nv12"
     camera.keep_up(5)

@@ -136,12 +136,12 @@ mod tests {
             assert_eq!(check_nodes(key), Ok(()), "{key}");
         }
         for (key, why) in [
-            ("/track*", "'*' stands for a whole name only"),
+            ("/track*", "'*' matches a whole name only"),
             ("/", "is empty"),
             ("a//b", "is empty"),
             ("//a", "is empty"),
             ("a/", "is empty"),
-            ("/a-b", "holds '-'"),
+            ("/a-b", "contains '-'"),
             ("1a", "begins with a digit"),
             ("/1/a", "begins with a digit"),
         ] {

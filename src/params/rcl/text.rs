@@ -106,8 +106,8 @@ mod tests {
             (&b"a: 1\n b\xff: 2"[..], "line 2, column 3: the byte 0xff is not UTF-8"),
             (b"a: 1\n\x07", "line 2, column 1: the character U+0007 is not allowed"),
             (b"a\0", "line 1, column 2: the character U+0000"),
-            (b"\xff\xfea", "no valid UTF-16"),
-            (b"\xff\xfe\x00\xd8", "no valid UTF-16"),
+            (b"\xff\xfea", "not valid UTF-16"),
+            (b"\xff\xfe\x00\xd8", "not valid UTF-16"),
         ] {
             let got = of(bytes).unwrap_err().to_string();
             assert!(got.contains(why), "{got}");

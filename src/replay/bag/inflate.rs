@@ -68,7 +68,7 @@ mod tests {
         }
         let compressed = lz4ed(&data);
         assert_eq!(lz4(&compressed, data.len()).unwrap(), data);
-        assert!(lz4(&compressed, data.len() - 1).unwrap_err().to_string().ends_with("become more than 39999"));
+        assert!(lz4(&compressed, data.len() - 1).unwrap_err().to_string().ends_with("decompress to more than 39999"));
         assert!(lz4(b"nothing of the kind", 100).is_err());
     }
 }

@@ -157,12 +157,12 @@ mod tests {
     #[test]
     fn what_cannot_be_read_is_named() {
         for (information, why) in [
-            ("relative_file_paths: [a_0.mcap, a_2.mcap]", "names a_2.mcap, which is not there"),
+            ("relative_file_paths: [a_0.mcap, a_2.mcap]", "names a_2.mcap, which does not exist"),
             ("relative_file_paths: []", "names no files"),
             ("files: 3", "missing field `relative_file_paths`"),
             (
                 "relative_file_paths: [a_0.mcap], compression_mode: FILE, compression_format: lz4",
-                "compression 'lz4' by 'FILE' is not read; decompress the bag first",
+                "compression 'lz4' by 'FILE' is not supported; decompress the bag first",
             ),
         ] {
             let (dir, metadata) = read(information);
@@ -185,7 +185,7 @@ mod tests {
         let path = |name: &str| dir.path().join(name);
         std::fs::write(path(FILE_NAME), " \n\0\0").unwrap();
         let message = Metadata::of(dir.path()).unwrap_err().to_string();
-        assert!(message.contains("metadata.yaml is empty, and no recordings"), "{message}");
+        assert!(message.contains("metadata.yaml is empty, and there are no recordings"), "{message}");
         for name in ["a_10.mcap", "a_9.mcap", "a_9.mcap.zstd", "a_11.db3.zstd", "._a_9.mcap", "notes.txt"] {
             std::fs::write(path(name), b"").unwrap();
         }

@@ -84,9 +84,9 @@ fn an_order_that_could_be_another_is_told() {
         ("a_-1.png a_-2.png", "the '-' before every number is read as a dash, not as a minus"),
         (
             "0001.jpg 0001.png 0002.jpg 0002.png",
-            "'0001.jpg' and '0001.png' bear the same number (and 1 more such pairs)",
+            "'0001.jpg' and '0001.png' have the same number (and 1 more such pairs)",
         ),
-        ("01.png 1.png 2.png", "'01.png' and '1.png' bear the same number: both are taken"),
+        ("01.png 1.png 2.png", "'01.png' and '1.png' have the same number: both are used"),
     ] {
         let names: Vec<&str> = kind.split(' ').collect();
         let (order, notes) = sorted(&names);

@@ -108,13 +108,13 @@ fn of_a_file_without_its_end_is_read_what_there_is() {
             let (_dir, path) = file(&bytes[..len]);
             match contents(&path, &Limits::default()) {
                 Err(error) => {
-                    let start = format!("{}: cut off after {len} bytes", path.display());
+                    let start = format!("{}: truncated after {len} bytes", path.display());
                     assert!(error.to_string().starts_with(&start), "{layout}, {len}: {error}");
                     assert!(most == 0, "{layout}, {len}: fewer than of a shorter file");
                 }
                 Ok(found) => {
                     let note = found.note.unwrap();
-                    let told = note.starts_with(&format!("cut off after {len} bytes"));
+                    let told = note.starts_with(&format!("truncated after {len} bytes"));
                     // All messages may be there, but not the index.
                     assert!(told || note.starts_with("without an index"), "{layout}, {len}: {note}");
                     let read = read(&path, TOPIC).unwrap();
