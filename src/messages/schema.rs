@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn a_schema_holds_every_type_once() {
         let text = schema(("long_term_tracker", "TrackArray")).unwrap();
-        assert!(text.starts_with("# All that the tracker says"), "{text}");
+        assert!(text.starts_with("# All targets in one image."), "{text}");
         let parts: Vec<_> = text.lines().filter_map(|l| l.strip_prefix("MSG: ")).collect();
         let expected =
             ["std_msgs/Header", "long_term_tracker/Track", "builtin_interfaces/Duration", "builtin_interfaces/Time"];

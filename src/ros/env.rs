@@ -134,9 +134,9 @@ fn security(variable: &impl Fn(&str) -> Option<String>, enclave: Option<&str>) -
     // As in rcl, any other value means no.
     let is_enabled = variable("ROS_SECURITY_ENABLE").as_deref() == Some("true");
     let strategy = variable("ROS_SECURITY_STRATEGY").unwrap_or_default();
-    let unsupported = "this node does not support ROS 2 security";
+    let unsupported = "ROS 2 security is not supported by this node";
     if is_enabled && strategy == "Enforce" {
-        let why = format!("{unsupported}, and does not start where ROS_SECURITY_STRATEGY=Enforce requires it");
+        let why = format!("{unsupported}; with ROS_SECURITY_ENABLE=true it does not start");
         return Err(Fault::Environment { variable: "ROS_SECURITY_STRATEGY", value: strategy, why });
     }
     let asked = match (is_enabled, enclave) {
@@ -144,7 +144,7 @@ fn security(variable: &impl Fn(&str) -> Option<String>, enclave: Option<&str>) -
         (false, Some(enclave)) => format!("--enclave {enclave}"),
         (false, None) => return Ok(None),
     };
-    Ok(Some(format!("{asked}: {unsupported}; it neither signs nor encrypts, and anyone in its domain can talk to it")))
+    Ok(Some(format!("{asked}: {unsupported}: it neither signs nor encrypts, and anyone in its domain can talk to it")))
 }
 
 /// Whoever sets another implementation expects to meet its peers.

@@ -441,7 +441,7 @@ mod tests {
         }
         let told = several_types(&overrides.of(&NodeName::default())[0]);
         assert!(told.contains("'seed' is given values of several types (integer, double)"), "{told}");
-        assert!(told.ends_with("2 holds"), "{told}");
+        assert!(told.ends_with("2 is used"), "{told}");
     }
 
     #[test]
