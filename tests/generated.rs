@@ -51,8 +51,8 @@ const LINKED: [&str; 12] = [
 ];
 const THIRD_PARTY: &str = "# Linked crates
 
-The crates that the programs link to on x86-64, with the licences that their authors offer. The texts are in the sources of
-each crate, which cargo downloads. `NOTICE` lists data by others.
+The crates that the programs link to on x86-64, with the licences that their authors offer. The texts are in the sources
+of each crate, which cargo downloads. `NOTICE` lists data by others.
 
 | crate | version | licence | source |
 |---|---|---|---|

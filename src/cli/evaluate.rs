@@ -19,23 +19,23 @@ use crate::eval::table::{Hard, Table};
 use crate::eval::worlds::{self, Worlds};
 use crate::params::{Assignment, Value, assignment};
 
-/// Score trackers on sequences with ground truth: one pass without resets, by the rules of the object tracking benchmark
-/// (OTB) and of long-term tracking (VOT-LT).
+/// Score trackers on sequences with ground truth: one pass without resets, by the rules of the object tracking
+/// benchmark (OTB) and of long-term tracking (VOT-LT).
 ///
-/// Prints a table for each algorithm and parameter file, and for each other tracker.
-/// prec: share of frames in which the centres are at most 20 px apart; AUC: area under the success curve over 21 overlap
-/// thresholds; held: share of frames with an overlap above 0.1; F: harmonic mean of long-term precision and recall, at
-/// the best confidence threshold; first loss: frames before the target is first lost, reported or with a box that does
-/// not touch it (all frames, if it never is); lost: frames reported lost; right, wrong: of these, frames in which the
-/// target was out of view or fully occluded, and in view; astray: frames in view, not reported lost, and not held;
-/// recovered: losses that ended on the target (overlap above 0.3 within 10 frames); fps: frames per second of the
-/// tracker's processor time (if several sequences run at once, without a network's own threads).
-/// Exit codes: 0 done, 1 a sequence failed, 2 unusable arguments.
+/// Prints a table for each algorithm and parameter file, and for each other tracker. prec: share of frames in which the
+/// centres are at most 20 px apart; AUC: area under the success curve over 21 overlap thresholds; held: share of frames
+/// with an overlap above 0.1; F: harmonic mean of long-term precision and recall, at the best confidence threshold;
+/// first loss: frames before the target is first lost, reported or with a box that does not touch it (all frames, if it
+/// never is); lost: frames reported lost; right, wrong: of these, frames in which the target was out of view or fully
+/// occluded, and in view; astray: frames in view, not reported lost, and not held; recovered: losses that ended on the
+/// target (overlap above 0.3 within 10 frames); fps: frames per second of the tracker's processor time (if several
+/// sequences run at once, without a network's own threads). Exit codes: 0 done, 1 a sequence failed, 2 unusable
+/// arguments.
 #[derive(Debug, Parser)]
 #[command(name = "evaluate", version)]
 pub struct Args {
-    /// A folder of sequences. Each is a folder with images, in img/ or not, a groundtruth_rect.txt (x,y,w,h per row, NaN
-    /// = not in view) and, if known, an occlusion.txt (the occluded share of the box, one row per frame).
+    /// A folder of sequences. Each is a folder with images, in img/ or not, a groundtruth_rect.txt (x,y,w,h per row,
+    /// NaN = not in view) and, if known, an occlusion.txt (the occluded share of the box, one row per frame).
     dataset: PathBuf,
     /// A tracker to score. May be given several times.
     #[arg(long, value_name = "NAME")]
@@ -59,13 +59,13 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value = "1")]
     starts: NonZeroUsize,
     /// Also checks whether a gain holds on video that it was not chosen on. Every second sequence by name is one half,
-    /// the rest the other; the best setup on each half is scored on the other. Means come with 95 % intervals (bootstrap
-    /// over sequences and starts), differences from the first setup with p values. Setups that do not differ
+    /// the rest the other; the best setup on each half is scored on the other. Means come with 95 % intervals
+    /// (bootstrap over sequences and starts), differences from the first setup with p values. Setups that do not differ
     /// significantly from the best (p of 0.05 or more) count as equal; of these, the one given first is chosen.
     #[arg(long)]
     halves: bool,
-    /// The kind of video of each sequence, for --halves: rows of sequence,world, where a sequence may end in *. Default:
-    /// the dataset's worlds.csv, if there is one.
+    /// The kind of video of each sequence, for --halves: rows of sequence,world, where a sequence may end in *.
+    /// Default: the dataset's worlds.csv, if there is one.
     #[arg(long, value_name = "FILE", requires = "halves")]
     worlds: Option<PathBuf>,
     /// Only these sequences, in this order.
