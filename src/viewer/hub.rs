@@ -58,6 +58,8 @@ struct Page {
     number: u64,
     wishes: u8,
     side: u32,
+    /// The number of the picture that it got last, 0 where that was of another size or there was none.
+    got: u64,
     wake: Box<dyn Fn() + Send>,
 }
 
@@ -104,8 +106,6 @@ struct Inner {
     /// Those of the run before.
     previous: Vec<Sample>,
     run: u64,
-    /// Whether a page has come, or needs another size, since a picture was made.
-    is_waited_for: bool,
     playback: Option<Playback>,
     playback_version: u64,
     events: Ring<Happened>,
@@ -144,7 +144,6 @@ impl Hub {
             samples: Ring::new(samples),
             previous: Vec::new(),
             run: 0,
-            is_waited_for: false,
             playback: None,
             playback_version: 0,
             events: Ring::new(EVENTS),
@@ -205,7 +204,6 @@ impl Hub {
             let mut inner = self.lock();
             let inner = &mut *inner;
             inner.shown += 1;
-            inner.is_waited_for = false;
             let waiting = inner.pages.iter().filter(|page| page.wishes > 0);
             let mut sides: Vec<u32> = waiting.map(|page| picture::side(page.side, &view.frame)).collect();
             sides.sort_unstable();
@@ -247,10 +245,11 @@ impl Hub {
         }
     }
 
-    /// Whether the picture has to be made that pages have not seen, while no other follows.
+    /// Whether a page waits that was not given the frame that was shown last, or not in its size: where no other
+    /// follows, that one is to be shown again.
     pub fn is_waited_for(&self) -> bool {
         let inner = self.lock();
-        inner.is_waited_for && inner.pages.iter().any(|page| page.wishes > 0)
+        inner.pages.iter().any(|page| page.wishes > 0 && page.got < inner.shown)
     }
 
     /// Tells of something that happened to the frame of this stamp, or of none.
@@ -292,7 +291,7 @@ impl Hub {
         }
         inner.next_page += 1;
         let number = inner.next_page;
-        inner.pages.push(Page { number, wishes: 0, side: 0, wake });
+        inner.pages.push(Page { number, wishes: 0, side: 0, got: 0, wake });
         Some(number)
     }
 
@@ -307,13 +306,11 @@ impl Hub {
 
     /// A page waits for one more picture of about this side.
     pub(super) fn wish(&self, page: u64, side: u32) {
-        let mut inner = self.lock();
-        let inner = &mut *inner;
-        if let Some(page) = inner.pages.iter_mut().find(|other| other.number == page) {
+        if let Some(page) = self.lock().pages.iter_mut().find(|other| other.number == page) {
             page.wishes = (page.wishes + 1).min(MOST_WISHES);
-            let is_other = page.side != side;
-            page.side = side;
-            inner.is_waited_for |= is_other;
+            if page.side != side {
+                (page.side, page.got) = (side, 0);
+            }
         }
     }
 
@@ -328,6 +325,7 @@ impl Hub {
         let best = newer.clone().filter(fits).min_by_key(|picture| picture.side);
         let best = best.or_else(|| newer.max_by_key(|picture| picture.side))?;
         page.wishes -= 1;
+        page.got = best.number;
         Some(best.clone())
     }
 
@@ -393,11 +391,7 @@ mod tests {
         Target::standing("0", Rect::new(10.0, 10.0, 20.0, 20.0), state)
     }
 
-    fn note(hub: &Hub, targets: &[Target], skipped: u32) -> bool {
-        note_of(hub, 5, targets, skipped)
-    }
-
-    fn note_of(hub: &Hub, stamp: i64, targets: &[Target], skipped: u32) -> bool {
+    fn note(hub: &Hub, stamp: i64, targets: &[Target], skipped: u32) -> bool {
         let thresholds = KeptThresholds::default();
         hub.note(&Said { stamp: Some(stamp), targets, thresholds: &thresholds, skipped, latency: 1.0 })
     }
@@ -431,16 +425,33 @@ mod tests {
     }
 
     #[test]
+    fn the_last_frame_is_shown_again_to_who_was_busy_or_needs_another_size() {
+        let hub = Hub::default();
+        let page = hub.enter(1, Box::new(|| {})).unwrap();
+        let mut known = 0;
+        // It is busy while the frame is shown, then it asks twice for each size.
+        show(&hub);
+        for side in [64, 320] {
+            hub.wish(page, side);
+            assert!(hub.is_waited_for());
+            show(&hub);
+            known = hub.picture(page, known).unwrap().number;
+            hub.wish(page, side);
+            assert!(hub.wants() && !hub.is_waited_for(), "it has that frame");
+        }
+    }
+
+    #[test]
     fn a_loss_is_told_at_once_or_with_its_picture_while_somebody_looks() {
         let hub = Hub::default();
         let mut known = Known::default();
-        assert!(!note(&hub, &[target(State::Lost)], 0));
+        assert!(!note(&hub, 5, &[target(State::Lost)], 0));
         let told = hub.news(&mut known);
         assert_eq!((told.samples.len(), told.events.len()), (1, 1));
         let page = hub.enter(1, Box::new(|| {})).unwrap();
-        assert!(!note(&hub, &[target(State::Lost)], 0), "it was lost before");
-        assert!(note(&hub, &[target(State::Tracking)], 0));
-        assert!(note_of(&hub, 6, &[target(State::Lost)], 0), "before the frame of the first is shown");
+        assert!(!note(&hub, 5, &[target(State::Lost)], 0), "it was lost before");
+        assert!(note(&hub, 5, &[target(State::Tracking)], 0));
+        assert!(note(&hub, 6, &[target(State::Lost)], 0), "before the frame of the first is shown");
         assert!(hub.news(&mut known).events.is_empty());
         show(&hub);
         let told = hub.news(&mut known).events;
@@ -469,7 +480,7 @@ mod tests {
         let hub = Hub::default();
         let mut known = Known::default();
         for n in 0..2 * SAMPLES {
-            note(&hub, &[], n as u32);
+            note(&hub, 5, &[], n as u32);
             hub.tell(None, Event::Stopped(None));
         }
         let news = hub.news(&mut known);
@@ -477,7 +488,7 @@ mod tests {
         let last = serde_json::to_value(&news.samples[SAMPLES - 1]).unwrap();
         assert_eq!(last[1], 2 * SAMPLES as u32 - 1);
         assert!(hub.news(&mut known).samples.is_empty());
-        note(&hub, &[], 7);
+        note(&hub, 5, &[], 7);
         assert_eq!(hub.news(&mut known).samples.len(), 1);
     }
 }
