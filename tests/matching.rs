@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 use long_term_tracker::appearance::matching::{Matcher, ShortTerm};
 use long_term_tracker::crop::Cropper;
 use long_term_tracker::geometry::distance;
-use long_term_tracker::loader::MatchingRequest;
-use long_term_tracker::network::{MatchingForm, Networks, SharedMatching, locked};
+use long_term_tracker::loader::{Loaded, MatchingRequest};
+use long_term_tracker::network::{Framing, MatchingForm, Networks, SharedMatching, locked};
 use long_term_tracker::params::{Params, Phase, Value};
 use long_term_tracker::replay;
 use long_term_tracker::{Encoding, Frame, Rect, Session, State};
@@ -59,7 +59,7 @@ fn params([backbone, head]: [&Path; 2], inference: &str, enabled: bool) -> Param
 
 /// The networks in these files.
 fn networks(files: [&Path; 2], inference: &str) -> SharedMatching {
-    Arc::new(Mutex::new(MatchingRequest::of(&params(files, inference, true)).unwrap().load().unwrap()))
+    Arc::new(Mutex::new(MatchingRequest::of(&params(files, inference, true)).unwrap().load(None).unwrap()))
 }
 
 /// The boxes of the short-term tracker that the networks are published with, each from the published box of the frame
@@ -148,14 +148,15 @@ fn a_seeded_pair_finds_a_target_where_it_went() {
     let files = siamese::files();
     let network = networks(files.each_ref().map(|file| file.path()), "builtin");
     let form = *locked(&network).form();
-    assert_eq!(form, MatchingForm { template: 127, window: 255, stride: 16, cells: siamese::ANSWER });
+    let framing = Framing::Context;
+    assert_eq!(form, MatchingForm { framing, template: 127, window: 255, stride: 16, cells: siamese::ANSWER });
     let mut cropper = Cropper::default();
     let target = Rect::new(140.0, 100.0, 48.0, 48.0);
     let mut matcher = Matcher::new(network, &frame(&scene(&target)), &mut cropper, &target);
     // A cell is 16 px of a window of 255 that shows 4 target sizes: 12 px here.
     for shift in [[0.0, 0.0], [24.0, 0.0], [-36.0, 24.0], [12.0, -48.0]] {
         let there = target.shifted(shift[0], shift[1]);
-        matcher.look(&frame(&scene(&there)), &mut cropper, target.centre(), target.size());
+        matcher.look(&frame(&scene(&there)), &mut cropper, target.centre(), target.size(), None);
         let best = matcher.matches().iter().max_by(|a, b| a.score.total_cmp(&b.score)).unwrap();
         let off = distance(best.rect.centre(), there.centre());
         assert!(off < 3.0, "{shift:?}: {} is {off} px from {there}", best.rect);
@@ -182,6 +183,35 @@ fn the_tracker_follows_with_a_pair_of_networks_and_goes_on_without() {
         }
         let said = &session.output().targets[0];
         assert!(said.state == State::Tracking && said.rect.iou(&target(k)) > 0.6, "frame {k}: {said:?}");
+    }
+}
+
+/// One run of the embedded network serves layers and head: the head gives what it gives after a run of its own, bit for
+/// bit.
+#[test]
+fn maps_that_layers_are_made_of_serve_the_embedded_head_as_well() {
+    for inference in ["builtin", "auto"] {
+        let changes =
+            [("lcmht.matching.enabled", Value::Bool(true)), ("lcmht.cnn.inference", Value::String(inference.into()))];
+        let params = Params::default().with(changes.iter().map(|(name, v)| (*name, v)), Phase::StartUp).unwrap();
+        let Networks { cnn, matching } = Loaded::new(&params).unwrap().networks();
+        let (cnn, matching) = (cnn.unwrap(), matching.unwrap());
+        assert!(locked(&matching).is_on(&cnn), "the default's layers and head share a network");
+        let (target, mut cropper) = (Rect::new(140.0, 100.0, 30.0, 60.0), Cropper::default());
+        let mut matcher = Matcher::new(matching, &frame(&scene(&target)), &mut cropper, &target);
+        let data = scene(&target.shifted(9.0, -7.0));
+        let side = 4.0 * (target.w * target.h).sqrt();
+        let window = Rect::around(target.centre(), [side; 2]);
+        locked(&cnn).compute(&frame(&data), &window, &mut cropper);
+        matcher.look(&frame(&data), &mut cropper, target.centre(), target.size(), Some((&cnn, window)));
+        let shared = matcher.matches().to_vec();
+        // Another window of the same network is of no use.
+        let elsewhere = Rect::around([20.0, 20.0], [side; 2]);
+        locked(&cnn).compute(&frame(&data), &elsewhere, &mut cropper);
+        matcher.look(&frame(&data), &mut cropper, target.centre(), target.size(), Some((&cnn, elsewhere)));
+        assert_eq!(matcher.matches(), shared);
+        let best = shared.iter().max_by(|a, b| a.score.total_cmp(&b.score)).unwrap();
+        assert!(best.rect.iou(&target.shifted(9.0, -7.0)) > 0.5, "{best:?}");
     }
 }
 

@@ -48,6 +48,8 @@ pub struct Correlator {
     /// The layer that was added to the response, and the response without it; the latter is empty if none was.
     layer: Vec<f32>,
     unlayered: Vec<f32>,
+    /// Whether nothing else was looked at since the last look.
+    is_newest: bool,
 }
 
 /// A look through the search window.
@@ -125,6 +127,7 @@ impl Correlator {
             spare: Vec::with_capacity(rows * cols),
             layer: Vec::new(),
             unlayered: Vec::new(),
+            is_newest: true,
         };
         correlator.view.window = window;
         correlator.extractor.transform(&mut correlator.fft, &mut correlator.view.sample);
@@ -192,8 +195,16 @@ impl Correlator {
         let better = wanted(self.highest().response);
         if !better {
             std::mem::swap(&mut self.view, &mut self.aside);
+            self.is_newest = false;
         }
         better
+    }
+
+    /// The network that layers are of, and the window of the last look if the network ran on that last, upright.
+    pub fn seen_by_network(&self) -> Option<(&SharedCnn, Rect)> {
+        let SearchView { window, turn, blank, .. } = self.view;
+        let is_there = self.is_newest && !blank && turn == 0.0;
+        self.extractor.network().filter(|_| is_there).map(|cnn| (cnn, window))
     }
 
     /// The window of the last look.
@@ -324,6 +335,7 @@ impl Correlator {
     fn see(&mut self, frame: &Frame, cropper: &mut Cropper, window: Rect, turn: f64) {
         let Self { fft, extractor, view, cut, .. } = self;
         (view.window, view.turn) = (window, turn);
+        self.is_newest = true;
         let alteration = Alteration { turn, ..Alteration::default() };
         cropper.altered(alteration, |cropper| extractor.cut(frame, &window, cropper, cut));
         view.blank = !cut.shows_anything(AROUND / self.settings.window);

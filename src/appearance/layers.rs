@@ -177,6 +177,11 @@ impl Extractor {
         self.cnn = Some(cnn.clone());
     }
 
+    /// The network, if a layer is of it.
+    pub fn network(&self) -> Option<&SharedCnn> {
+        self.cnn.as_ref().filter(|_| self.side.is_some())
+    }
+
     /// Channels of all layers together.
     pub fn channels(&self) -> usize {
         self.layers.iter().map(|layer| layer.channels).sum()

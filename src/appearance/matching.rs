@@ -9,7 +9,7 @@ use crate::crop::{Cropper, Patch};
 use crate::features::FeatureMap;
 use crate::frame::{Frame, Plane};
 use crate::geometry::Rect;
-use crate::network::{MatchingForm, SharedMatching, locked};
+use crate::network::{Framing, MatchingForm, SharedCnn, SharedMatching, locked};
 
 /// A target as one cell sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +31,7 @@ impl Match {
 pub struct Matcher {
     network: SharedMatching,
     form: MatchingForm,
-    template: FeatureMap,
+    template: Vec<FeatureMap>,
     /// The first frame's mean colour, which fills what lies outside of an image.
     outside: [u8; 3],
     window: Rect,
@@ -43,13 +43,13 @@ impl Matcher {
     /// Learns the target in `rect`.
     pub fn new(network: SharedMatching, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> Self {
         let form = *locked(&network).form();
-        let outside = mean_colour(frame);
-        let (mut template, mut patch) = (FeatureMap::default(), Patch::default());
-        let window = pixels(rect.centre(), template_side(rect.size()).round());
-        cropper.crop_for_matching(frame, &window, form.template, outside, &mut patch);
-        locked(&network).learn(&patch, &mut template);
         let matches = Vec::with_capacity(form.cells * form.cells);
-        Self { network, form, template, outside, window, matches, patch }
+        let outside = mean_colour(frame);
+        let (template, patch) = Default::default();
+        let mut made = Self { network, form, template, outside, window: *rect, matches, patch };
+        made.cut(frame, cropper, rect.centre(), template_side(form.framing, rect.size()), form.template);
+        locked(&made.network).learn(&made.patch, &mut made.template);
+        made
     }
 
     /// Goes on with what runs the same networks by now.
@@ -62,14 +62,31 @@ impl Matcher {
         &self.form
     }
 
-    /// Looks for a target of size `size` around `centre`.
-    pub fn look(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], size: [f64; 2]) {
-        let Self { network, form, template, outside, window, matches, patch } = self;
-        let side = template_side(size) * form.window as f64 / form.template as f64;
-        *window = pixels(centre, side.round());
-        cropper.crop_for_matching(frame, window, form.window, *outside, patch);
-        let mut network = locked(network);
-        network.compare(template, patch);
+    /// Looks for a target of size `size` around `centre`. `seen` is a network that ran on a window last; where that is
+    /// what would be run here, its maps serve.
+    pub fn look(
+        &mut self,
+        frame: &Frame,
+        cropper: &mut Cropper,
+        centre: [f64; 2],
+        size: [f64; 2],
+        seen: Option<(&SharedCnn, Rect)>,
+    ) {
+        let side = template_side(self.form.framing, size) * self.form.window as f64 / self.form.template as f64;
+        let is_it = |(cnn, window): &(&SharedCnn, Rect)| {
+            self.form.framing == Framing::Area
+                && *window == Rect::around(centre, [side; 2])
+                && locked(&self.network).is_on(cnn)
+        };
+        if let Some((_, window)) = seen.filter(is_it) {
+            self.window = window;
+            locked(&self.network).compare_seen(&self.template);
+        } else {
+            self.cut(frame, cropper, centre, side, self.form.window);
+            locked(&self.network).compare(&self.template, &self.patch);
+        }
+        let Self { network, form, matches, .. } = self;
+        let network = locked(network);
         let (logits, sides) = (network.logits(), network.sides());
         // Boxes are told about the centre that was asked for: the window is rounded to pixels.
         let unit = side / form.window as f64;
@@ -86,21 +103,42 @@ impl Matcher {
         }
     }
 
+    /// Cuts out the square of `side` pixels around a point, as a patch of `pixels`.
+    fn cut(&mut self, frame: &Frame, cropper: &mut Cropper, centre: [f64; 2], side: f64, pixels: usize) {
+        match self.form.framing {
+            Framing::Context => {
+                self.window = whole_pixels(centre, side.round());
+                cropper.crop_for_matching(frame, &self.window, pixels, self.outside, &mut self.patch);
+            }
+            Framing::Area => {
+                self.window = Rect::around(centre, [side; 2]);
+                cropper.crop(frame, &self.window, pixels, pixels, &mut self.patch);
+            }
+        }
+    }
+
     /// What each cell saw in the last look, row by row.
     pub fn matches(&self) -> &[Match] {
         &self.matches
     }
 }
 
-/// The side of the square that shows a target of this size as a template, in pixels of the frame: half of the mean of
-/// width and height stands around it on each side.
-fn template_side([w, h]: [f64; 2]) -> f64 {
+/// The side of the square that shows a target of this size as a template, in pixels of the frame.
+fn template_side(framing: Framing, [w, h]: [f64; 2]) -> f64 {
+    match framing {
+        Framing::Context => side_with_context([w, h]),
+        Framing::Area => 2.0 * (w * h).sqrt(),
+    }
+}
+
+/// The side of the square of a target with half of the mean of width and height around it on each side.
+fn side_with_context([w, h]: [f64; 2]) -> f64 {
     let context = (w + h) / 2.0;
     ((w + context) * (h + context)).sqrt()
 }
 
 /// The square of whole pixels around a point.
-fn pixels(centre: [f64; 2], side: f64) -> Rect {
+fn whole_pixels(centre: [f64; 2], side: f64) -> Rect {
     // The middle pixel of an odd side is that which the point lies in.
     let first = |at: f64| (at - 0.5 - (side + 1.0) / 2.0 + 0.5).floor();
     Rect::new(first(centre[0]), first(centre[1]), side, side)
@@ -137,7 +175,7 @@ impl ShortTerm {
     /// The box of the target of `rect` in the frame, as the networks alone have it: the short-term tracker that they
     /// are published with. The last box stands for the search window's middle.
     pub fn step(&self, matcher: &mut Matcher, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> Rect {
-        matcher.look(frame, cropper, rect.centre(), rect.size());
+        matcher.look(frame, cropper, rect.centre(), rect.size(), None);
         let cells = matcher.form.cells;
         // The window of Hann is 0 at its ends.
         let hann = |i: usize| 0.5 - 0.5 * (std::f64::consts::TAU * i as f64 / (cells - 1) as f64).cos();
@@ -160,7 +198,7 @@ impl ShortTerm {
 /// size and `r` that of the aspect, either way and at least 1.
 pub fn size_penalty(k: f64, from: [f64; 2], to: [f64; 2]) -> f64 {
     let change = |ratio: f64| ratio.max(1.0 / ratio);
-    let size = change(template_side(to) / template_side(from));
+    let size = change(side_with_context(to) / side_with_context(from));
     let aspect = change(from[0] / from[1] / (to[0] / to[1]));
     (-k * (size * aspect - 1.0)).exp()
 }

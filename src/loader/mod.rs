@@ -17,12 +17,19 @@ use onnxruntime::Found;
 
 use crate::error::NetworkError;
 use crate::file::{self, FileError};
-use crate::network::{Cnn, Engine, MatchingNetwork, Model, NetworkSettings, Networks};
+use crate::network::{Cnn, Engine, MatchingNetwork, Model, NetworkSettings, Networks, SharedCnn, TRUNK_OUTPUTS, TRUNK_SIDE};
 use crate::params::{Algorithm, ChannelOrder, Inference, LcmhtCnn, Params};
 use crate::session::Session;
 
 /// The embedded network: see `assets/make_lite0.py`.
 pub(crate) const EMBEDDED: &[u8] = include_bytes!("../../assets/lite0.onnx");
+/// The embedded head that finds a template in a window: see `assets/train_matching.py`.
+const HEAD: &[u8] = include_bytes!("../../assets/matching.onnx");
+/// What messages call both.
+const EMBEDDED_NAME: &str = "embedded";
+/// What is taken from the intensities of the embedded network's input, and what they are divided by.
+const EMBEDDED_MEAN: [f32; 3] = [127.0; 3];
+const EMBEDDED_SCALE: [f32; 3] = [128.0; 3];
 /// The built-in library's name in log lines.
 const BUILTIN: &str = "tract";
 
@@ -51,8 +58,8 @@ pub struct Request {
 /// What the pair of networks that finds the marked target is loaded by.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MatchingRequest {
-    /// The ONNX files of backbone and head.
-    pub files: [PathBuf; 2],
+    /// The ONNX files of backbone and head; `None` is the embedded head on the embedded network.
+    pub files: Option<[PathBuf; 2]>,
     /// Bytes that each file may have.
     pub most: u64,
     /// What runs them.
@@ -118,7 +125,7 @@ impl Request {
     /// # Errors
     /// The file cannot be read, is no such network, or what is to run it is not to be had.
     pub fn load(&self) -> Result<Cnn, NetworkError> {
-        let name = self.file.as_ref().map_or("embedded".to_owned(), |file| file.display().to_string());
+        let name = self.file.as_ref().map_or(EMBEDDED_NAME.to_owned(), |file| file.display().to_string());
         let model = match &self.file {
             Some(path) => read(path, self.most)?,
             None => EMBEDDED.into(),
@@ -128,36 +135,84 @@ impl Request {
         info!("network {name} at {side} x {side} runs on {by}");
         Cnn::new(&name, model, self.settings.clone(), &engine)
     }
+
+    /// Whether the embedded head can work on the maps of this network.
+    fn suits_head(&self) -> bool {
+        let NetworkSettings { side, mean, scale, bgr, outputs, .. } = &self.settings;
+        let has = |output: &&str| outputs.iter().any(|known| known == output);
+        self.file.is_none()
+            && (*side, *mean, *scale, *bgr) == (TRUNK_SIDE, EMBEDDED_MEAN, EMBEDDED_SCALE, false)
+            && TRUNK_OUTPUTS.iter().all(has)
+    }
 }
 
 impl MatchingRequest {
     /// For the networks that the parameters ask for, if they do.
     pub fn of(params: &Params) -> Option<Self> {
-        let matching = &params.lcmht.matching;
-        let is_wanted = params.general.algorithm == Algorithm::Lcmht && matching.enabled;
+        let (matching, cnn) = (&params.lcmht.matching, &params.lcmht.cnn);
+        let files = [&matching.backbone, &matching.head].map(PathBuf::from);
+        let are_named = files.iter().any(|file| !file.as_os_str().is_empty());
+        let has_trunk = cnn.enabled && cnn.file.is_empty();
+        let is_wanted =
+            params.general.algorithm == Algorithm::Lcmht && matching.enabled && (are_named || has_trunk);
         is_wanted.then(|| Self {
-            files: [&matching.backbone, &matching.head].map(PathBuf::from),
+            files: are_named.then_some(files),
             most: params.limits.file_bytes(),
             runner: Runner::new(&params.lcmht.cnn),
             threads: params.lcmht.cnn.threads as usize,
         })
     }
 
-    /// Loads the networks and tries them out; one log line says what runs them.
+    /// Loads the networks and tries them out; one log line says what runs them. The embedded head works on `cnn` where
+    /// that was loaded by a request that suits it.
     ///
     /// # Errors
     /// A file cannot be read, they are no such networks, or what is to run them is not to be had.
-    pub fn load(&self) -> Result<MatchingNetwork, NetworkError> {
-        if let Some(part) = ["backbone", "head"].iter().zip(&self.files).find(|(_, file)| file.as_os_str().is_empty()) {
+    pub fn load(&self, cnn: Option<(&Request, &SharedCnn)>) -> Result<MatchingNetwork, NetworkError> {
+        match &self.files {
+            Some(files) => self.load_pair(files),
+            None => self.load_head(cnn),
+        }
+    }
+
+    fn load_pair(&self, files: &[PathBuf; 2]) -> Result<MatchingNetwork, NetworkError> {
+        if let Some(part) = ["backbone", "head"].iter().zip(files).find(|(_, file)| file.as_os_str().is_empty()) {
             return Err(NetworkError::Unnamed { parameter: format!("lcmht.matching.{}", part.0) });
         }
-        let [backbone, head] = self.files.each_ref().map(|file| file.display().to_string());
-        let models = [read(&self.files[0], self.most)?, read(&self.files[1], self.most)?];
+        let [backbone, head] = files.each_ref().map(|file| file.display().to_string());
+        let models = [read(&files[0], self.most)?, read(&files[1], self.most)?];
         let (engine, by) = self.runner.engine()?;
         let network = MatchingNetwork::new([&backbone, &head], models, self.threads, &engine)?;
         let side = network.form().window;
         info!("matching networks {backbone} and {head} at {side} x {side} run on {by}");
         Ok(network)
+    }
+
+    fn load_head(&self, cnn: Option<(&Request, &SharedCnn)>) -> Result<MatchingNetwork, NetworkError> {
+        let trunk = match cnn {
+            Some((request, cnn)) if request.suits_head() => cnn.clone(),
+            _ => Arc::new(Mutex::new(self.trunk().load()?)),
+        };
+        let (engine, by) = self.runner.engine()?;
+        info!("matching head {EMBEDDED_NAME} runs by {by}");
+        MatchingNetwork::on_trunk(EMBEDDED_NAME, trunk, HEAD.into(), self.threads, &engine)
+    }
+
+    /// The embedded network for the head alone.
+    fn trunk(&self) -> Request {
+        Request {
+            file: None,
+            most: self.most,
+            runner: self.runner.clone(),
+            settings: NetworkSettings {
+                side: TRUNK_SIDE,
+                mean: EMBEDDED_MEAN,
+                scale: EMBEDDED_SCALE,
+                bgr: false,
+                outputs: TRUNK_OUTPUTS.map(str::to_owned).to_vec(),
+                threads: self.threads,
+            },
+        }
     }
 }
 
@@ -188,10 +243,10 @@ impl Loaded {
     /// As [`Request::load`] and [`MatchingRequest::load`].
     pub fn new(params: &Params) -> Result<Self, NetworkError> {
         let (cnn, matching) = (Request::of(params), MatchingRequest::of(params));
-        let networks = Networks {
-            cnn: cnn.as_ref().map(Request::load).transpose()?.map(|cnn| Arc::new(Mutex::new(cnn))),
-            matching: matching.as_ref().map(MatchingRequest::load).transpose()?.map(|pair| Arc::new(Mutex::new(pair))),
-        };
+        let shared_cnn = cnn.as_ref().map(Request::load).transpose()?.map(|cnn| Arc::new(Mutex::new(cnn)));
+        let found = matching.as_ref().map(|matching| matching.load(cnn.as_ref().zip(shared_cnn.as_ref())));
+        let networks =
+            Networks { cnn: shared_cnn, matching: found.transpose()?.map(|found| Arc::new(Mutex::new(found))) };
         Ok(Self { cnn, matching, networks })
     }
 

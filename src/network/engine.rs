@@ -1,5 +1,7 @@
 //! Which library runs a network, and what all networks share.
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use super::backend::{Backend, Outputs, Refusal};
 use super::builtin;
 use crate::crop::Patch;
@@ -23,6 +25,11 @@ impl Engine {
             Self::OnnxRuntime(runtime) => runtime.load(model, outputs, threads),
         }
     }
+}
+
+/// The network behind the lock; nobody else uses it while a tracker does.
+pub fn locked<T>(network: &Mutex<T>) -> MutexGuard<'_, T> {
+    network.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The three planes of a patch in a network's order. A patch without colour is grey.

@@ -3,17 +3,19 @@
 //!
 //! They are of the kind that Siamese trackers publish (Bertinetto et al., *Fully-convolutional Siamese networks for
 //! object tracking*, ECCV 2016 workshops; Li et al., *High performance visual tracking with Siamese region proposal
-//! network*, CVPR 2018). Sizes are read from the files: the backbone declares the side of the window in pixels, the
-//! head that of template and window in cells.
+//! network*, CVPR 2018).
 //!
-//! Images are blue, green, red, 0 to 255 as they are.
+//! Two files make a pair whose sizes are read from them: the backbone declares the side of the window in pixels, the
+//! head that of template and window in cells. Its images are blue, green, red, 0 to 255 as they are. The embedded head
+//! works on maps of the embedded network instead, of which layers are made as well: one run serves both.
 
 use std::fmt;
 use std::sync::{Arc, Mutex};
 
 use super::backend::{Backend, Input, Model, Outputs, RunError};
+use super::cnn::SharedCnn;
 use super::declared::Freed;
-use super::engine::{Engine, planes, refused, shape};
+use super::engine::{Engine, locked, planes, refused, shape};
 use crate::crop::Patch;
 use crate::error::NetworkError;
 use crate::features::FeatureMap;
@@ -25,10 +27,29 @@ pub type SharedMatching = Arc<Mutex<MatchingNetwork>>;
 const SIDES: std::ops::RangeInclusive<usize> = 64..=1024;
 /// The intensity of the image that the networks are tried out on.
 const GREY: f32 = 128.0;
+/// The outputs of the embedded network that the embedded head takes: see
+/// `assets/train_matching.py`.
+pub const TRUNK_OUTPUTS: [&str; 2] = ["block10", "block4"];
+/// The side of the window that the embedded head takes, in pixels.
+pub const TRUNK_SIDE: usize = 192;
+/// A cell of the embedded head's answer, in pixels of the window.
+const TRUNK_STRIDE: usize = 16;
+
+/// What a window shows of a target and of what surrounds it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Framing {
+    /// A template is the square of the target with half of the mean of its width and height on each side, cut at whole
+    /// pixels and filled with the mean colour beyond the image: as Siamese trackers are published.
+    Context,
+    /// A template is the square of four times the target's area, and its window is the filters' search window.
+    Area,
+}
 
 /// Sizes that the files tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MatchingForm {
+    /// What windows show.
+    pub framing: Framing,
     /// Side of the template, in pixels.
     pub template: usize,
     /// Side of the search window, in pixels.
@@ -40,15 +61,21 @@ pub struct MatchingForm {
     pub cells: usize,
 }
 
+/// What makes features of images.
+enum Backbone {
+    /// A network of its own, with its input, `3 x side x side`.
+    Own { network: Box<dyn Backend>, image: Vec<f32> },
+    /// The embedded network, with the maps that are taken of it.
+    Trunk { cnn: SharedCnn, maps: [usize; 2] },
+}
+
 /// Backbone and head, with what they answered last.
 pub struct MatchingNetwork {
     name: String,
-    backbone: Box<dyn Backend>,
+    backbone: Backbone,
     head: Box<dyn Backend>,
     form: MatchingForm,
-    /// The input, `3 x side x side`.
-    image: Vec<f32>,
-    features: [FeatureMap; 1],
+    features: Vec<FeatureMap>,
     /// Of the head: two channels and four, in this order.
     answer: [FeatureMap; 2],
     /// Whether the head gives the four first.
@@ -86,23 +113,57 @@ impl MatchingNetwork {
             unfit(head_name, format!("it takes {got}, expected the features of a template and of a larger window"))
         })?;
         let form = MatchingForm {
+            framing: Framing::Context,
             template: window * template_cells / window_cells,
             window,
             stride: window.div_ceil(window_cells),
             cells: 0,
         };
-        let mut networks = Self {
-            name: format!("{backbone_name} with {head_name}"),
-            backbone,
-            head,
-            form,
-            image: Vec::new(),
-            features: Default::default(),
-            answer: Default::default(),
-            swapped: false,
-            failure: None,
+        let name = format!("{backbone_name} with {head_name}");
+        let backbone = Backbone::Own { network: backbone, image: Vec::new() };
+        Self::tried_out(name, backbone, 1, head, form).map_err(|why| unfit(head_name, why))
+    }
+
+    /// The embedded head, which messages call `name`, on maps of the network `cnn`.
+    ///
+    /// # Errors
+    /// The network lacks one of [`TRUNK_OUTPUTS`], or the head is none that `engine` runs on them.
+    pub fn on_trunk(
+        name: &str,
+        cnn: SharedCnn,
+        head: Model,
+        threads: usize,
+        engine: &Engine,
+    ) -> Result<Self, NetworkError> {
+        let unfit = |why: String| NetworkError::Matching { file: name.to_owned(), why };
+        let head = engine.load(&head, Outputs::All(2), threads).map_err(|refusal| refused(refusal, name))?;
+        let known = locked(&cnn).settings().outputs.clone();
+        let at = |output: &str| known.iter().position(|known| known == output);
+        let [Some(deep), Some(fine)] = TRUNK_OUTPUTS.map(at) else {
+            return Err(unfit(format!("it needs {TRUNK_OUTPUTS:?} of {}", known.join(", "))));
         };
-        networks.try_out().map_err(|why| unfit(head_name, why))?;
+        let form = MatchingForm {
+            framing: Framing::Area,
+            template: TRUNK_SIDE / 2,
+            window: TRUNK_SIDE,
+            stride: TRUNK_STRIDE,
+            cells: 0,
+        };
+        let backbone = Backbone::Trunk { cnn, maps: [deep, fine] };
+        Self::tried_out(name.to_owned(), backbone, TRUNK_OUTPUTS.len(), head, form).map_err(unfit)
+    }
+
+    fn tried_out(
+        name: String,
+        backbone: Backbone,
+        maps: usize,
+        head: Box<dyn Backend>,
+        form: MatchingForm,
+    ) -> Result<Self, String> {
+        let features = vec![FeatureMap::default(); maps];
+        let answer = Default::default();
+        let mut networks = Self { name, backbone, head, form, features, answer, swapped: false, failure: None };
+        networks.try_out()?;
         Ok(networks)
     }
 
@@ -116,20 +177,36 @@ impl MatchingNetwork {
         &self.form
     }
 
+    /// Whether the maps of `cnn` are what the head works on.
+    pub fn is_on(&self, other: &SharedCnn) -> bool {
+        matches!(&self.backbone, Backbone::Trunk { cnn, .. } if Arc::ptr_eq(cnn, other))
+    }
+
     /// Computes the features of a template, a patch of [`MatchingForm::template`] pixels a side. Where the run fails
     /// they are zeros.
-    pub fn learn(&mut self, patch: &Patch, template: &mut FeatureMap) {
+    pub fn learn(&mut self, patch: &Patch, template: &mut Vec<FeatureMap>) {
         let done = self.features(patch);
-        template.clone_from(&self.features[0]);
+        template.clone_from(&self.features);
         if done.is_err() {
-            template.data.fill(0.0);
+            template.iter_mut().for_each(|map| map.data.fill(0.0));
         }
         self.failure = done.err();
     }
 
     /// Holds a template against a patch of [`MatchingForm::window`] pixels a side. Where the run fails nothing answers.
-    pub fn compare(&mut self, template: &FeatureMap, patch: &Patch) {
-        let done = self.features(patch).and_then(|()| self.answer(template));
+    pub fn compare(&mut self, template: &[FeatureMap], patch: &Patch) {
+        let seen = self.features(patch);
+        self.answer_to(template, seen);
+    }
+
+    /// Holds a template against the window that the network [`is on`](Self::is_on) ran on last.
+    pub fn compare_seen(&mut self, template: &[FeatureMap]) {
+        let seen = self.take_maps();
+        self.answer_to(template, seen);
+    }
+
+    fn answer_to(&mut self, template: &[FeatureMap], seen: Result<(), RunError>) {
+        let done = seen.and_then(|()| self.answer(template));
         if done.is_err() {
             self.answer.iter_mut().for_each(|map| map.data.fill(0.0));
             // As sure as can be that nothing is there.
@@ -156,16 +233,37 @@ impl MatchingNetwork {
     }
 
     fn features(&mut self, patch: &Patch) -> Result<(), RunError> {
-        self.image.clear();
-        planes(patch, true).for_each(|plane| self.image.extend(plane.iter().map(|&v| f32::from(v))));
-        self.backbone.run(&[Input::image(patch.width, &self.image)], &mut self.features)
+        match &mut self.backbone {
+            Backbone::Own { network, image } => {
+                image.clear();
+                planes(patch, true).for_each(|plane| image.extend(plane.iter().map(|&v| f32::from(v))));
+                network.run(&[Input::image(patch.width, image)], &mut self.features)
+            }
+            Backbone::Trunk { cnn, .. } => {
+                locked(cnn).compute_patch(patch);
+                self.take_maps()
+            }
+        }
     }
 
-    fn answer(&mut self, template: &FeatureMap) -> Result<(), RunError> {
+    /// Takes over the maps that the embedded network made last.
+    fn take_maps(&mut self) -> Result<(), RunError> {
+        if let Backbone::Trunk { cnn, maps } = &self.backbone {
+            let cnn = locked(cnn);
+            if let Some(why) = cnn.failure() {
+                return Err(why.clone());
+            }
+            self.features.iter_mut().zip(maps).for_each(|(map, &at)| map.clone_from(&cnn.maps()[at]));
+        }
+        Ok(())
+    }
+
+    fn answer(&mut self, template: &[FeatureMap]) -> Result<(), RunError> {
         if self.swapped {
             self.answer.swap(0, 1);
         }
-        let done = self.head.run(&[Input::map(template), Input::map(&self.features[0])], &mut self.answer);
+        let inputs: Vec<Input> = template.iter().chain(&self.features).map(Input::map).collect();
+        let done = self.head.run(&inputs, &mut self.answer);
         if self.swapped {
             self.answer.swap(0, 1);
         }
@@ -176,9 +274,9 @@ impl MatchingNetwork {
     fn try_out(&mut self) -> Result<(), String> {
         let grey = |side: usize| Patch::grey(side, GREY as u8);
         let told = |why: RunError| why.to_string();
-        let mut template = FeatureMap::default();
+        let mut template = Vec::new();
         self.features(&grey(self.form.template)).map_err(told)?;
-        template.clone_from(&self.features[0]);
+        template.clone_from(&self.features);
         self.features(&grey(self.form.window)).map_err(told)?;
         self.answer(&template).map_err(told)?;
         self.swapped = self.answer[0].channels == 4;

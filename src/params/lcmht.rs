@@ -153,7 +153,7 @@ impl LcmhtCnn {
 group! {
     /// A pair of networks that finds the target as it was marked.
     pub struct LcmhtMatching at "lcmht.matching." {
-        enabled: bool = false, needs Network, is Basic; "Adds a pair of matching networks, which compare the search window with the marked target. Their score map becomes a layer; their boxes give width and height. Needs `lcmht.matching.backbone` and `.head`."
+        enabled: bool = false, needs Network, is Basic; "Adds matching networks, which compare the search window with the marked target. Their score map becomes a layer; their boxes give width and height. They are the files that `lcmht.matching.backbone` and `.head` name; without names, the embedded head on the embedded network."
         backbone: String = "", needs Restart, is Basic; "ONNX file of the backbone, which computes features of the template and the search window."
         head: String = "", needs Restart, is Basic; "ONNX file of the head, which locates the template in the search window."
         share: f64 = 0.35, in 0.0..=1.0; "Share of the score map in the response that selects the target's position."

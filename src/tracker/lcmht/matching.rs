@@ -39,6 +39,9 @@ const FULL_RESPONSE: f64 = 1.2;
 /// Where something else looks like the target, the response must not be below this, and what it lacks counts so much.
 const RIVAL_RESPONSE: f64 = 0.4;
 const ODDS_OF_RIVAL: f64 = 12.0;
+/// Where a rival's score is above the first of these, the score map loses of its share; at a score of 1 the second.
+const RIVAL_FROM: f64 = 0.5;
+const RIVAL_DISTRUST: f64 = 0.7;
 /// What remains of a rival from one frame to the next.
 const RIVAL_KEPT: f64 = 0.95;
 /// Something else begins at this distance in target sizes, unless it overlaps the target by more than that.
@@ -108,7 +111,7 @@ impl Matching {
     /// Learns the target in `rect`, and what is seen of it there.
     pub fn new(network: SharedMatching, frame: &Frame, cropper: &mut Cropper, rect: &Rect) -> Self {
         let mut matcher = Matcher::new(network, frame, cropper, rect);
-        matcher.look(frame, cropper, rect.centre(), rect.size());
+        matcher.look(frame, cropper, rect.centre(), rect.size(), None);
         let found = Vec::with_capacity(matcher.matches().len());
         let mut made = Self { matcher, found, bias: Bias::default(), size: rect.size(), rival: 0.0 };
         made.take_in(rect.size());
@@ -132,7 +135,7 @@ impl Matching {
     ) {
         let window = correlator.window();
         let middle = window.centre();
-        self.matcher.look(frame, cropper, middle, size);
+        self.matcher.look(frame, cropper, middle, size, correlator.seen_by_network());
         self.take_in(size);
         let [half_w, half_h] = window.size().map(|side| side / 2.0);
         let hann = |offset: f64, half: f64| 0.5 + 0.5 * (std::f64::consts::PI * (offset / half).clamp(-1.0, 1.0)).cos();
@@ -141,7 +144,10 @@ impl Matching {
             let hann = hann(x - middle[0], half_w) * hann(y - middle[1], half_h);
             ([x, y], found.score * (1.0 - WINDOW_INFLUENCE + WINDOW_INFLUENCE * hann))
         };
-        correlator.add_layer(params.share, SPREAD * scale(size), self.found.iter().map(answer));
+        // Among its like the filter tells the target better.
+        let rival = ((self.rival - RIVAL_FROM) / (1.0 - RIVAL_FROM)).max(0.0);
+        let share = params.share * (1.0 - RIVAL_DISTRUST * rival);
+        correlator.add_layer(share, SPREAD * scale(size), self.found.iter().map(answer));
     }
 
     /// Keeps what the last look found.
