@@ -17,7 +17,9 @@ use onnxruntime::Found;
 
 use crate::error::NetworkError;
 use crate::file::{self, FileError};
-use crate::network::{Cnn, Engine, MatchingNetwork, Model, NetworkSettings, Networks, SharedCnn, TRUNK_OUTPUTS, TRUNK_SIDE};
+use crate::network::{
+    Cnn, Engine, MatchingNetwork, Model, NetworkSettings, Networks, SharedCnn, TRUNK_OUTPUTS, TRUNK_SIDE,
+};
 use crate::params::{Algorithm, ChannelOrder, Inference, LcmhtCnn, Params};
 use crate::session::Session;
 
@@ -153,8 +155,7 @@ impl MatchingRequest {
         let files = [&matching.backbone, &matching.head].map(PathBuf::from);
         let are_named = files.iter().any(|file| !file.as_os_str().is_empty());
         let has_trunk = cnn.enabled && cnn.file.is_empty();
-        let is_wanted =
-            params.general.algorithm == Algorithm::Lcmht && matching.enabled && (are_named || has_trunk);
+        let is_wanted = params.general.algorithm == Algorithm::Lcmht && matching.enabled && (are_named || has_trunk);
         is_wanted.then(|| Self {
             files: are_named.then_some(files),
             most: params.limits.file_bytes(),

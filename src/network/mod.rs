@@ -70,4 +70,3 @@ fn same<T>(a: &Option<Arc<T>>, b: &Option<Arc<T>>) -> bool {
         (a, b) => a.is_none() && b.is_none(),
     }
 }
-
