@@ -90,9 +90,8 @@ def near(a, b, what):
     assert max(abs(p - q) for p, q in zip(a, b)) <= NEAR, f"{what}: {a} and {b}"
 
 
-def live(link, pictures):
+def live(page):
     """A target is marked late, watched, tuned and stopped on the page."""
-    page = Page(link, pictures)
     page.wait(lambda: "live" == page.text("#connection"), "the connection")
     page.wait(lambda: "no image on /image" in page.text("#banner"), "the hint what is waited for")
     page.picture("waiting")
@@ -109,7 +108,6 @@ def live(link, pictures):
     mark_by_keys(page, camera)
     lose_and_find(page, camera)
     mark_anew_by_finger(page, camera)
-    page.close()
     camera.ends = True
     camera.join()
 
@@ -322,11 +320,11 @@ def frames(folder, count):
         (Path(folder) / f"{index:04}.ppm").write_bytes(header + rgb.tobytes())
 
 
-def recording(link, pictures, bag):
+def recording(page, bag):
     """A target is marked in a recording, which is played, gone back in, run again with another parameter, and saved."""
-    page = Page(link, pictures)
     scene = Scene(*SIZE, TARGET)
-    page.driver.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": pictures})
+    folder = str(page.pictures)
+    page.driver.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": folder})
     numbers = "return [...document.getElementById('frames').innerText.matchAll(/[0-9]+/g)].map(Number)"
     place = lambda: page.script(numbers)
     page.wait(lambda: page.shown()["stamp"] == "0", "the first frame")
@@ -360,7 +358,7 @@ def recording(link, pictures, bag):
     page.wait(lambda: place()[2] == 2 and place()[0] == place()[1], "the second run ends")
     page.picture("run-again")
     page.find("#rows").click()
-    rows = Path(pictures) / "tracks.csv"
+    rows = page.pictures / "tracks.csv"
     page.wait(rows.exists, "the rows")
     lines = page.wait(lambda: len(got := rows.read_text().splitlines()) == place()[1] + 1 and got, "all rows")
     assert lines[0] == "x,y,w,h,confidence,state" and lines[1].endswith(",tracking"), lines[:2]
@@ -374,8 +372,14 @@ def recording(link, pictures, bag):
     page.scroll_to_picture()
     page.drag(scene.box(10 * PACE))
     page.wait(lambda: place()[2] == 3, "the third run")
-    page.close()
+
+
+def browse(scenario, link, pictures, *arguments):
+    """Does that on the page in a browser, which ends with it."""
+    with Page(link, pictures) as page:
+        globals()[scenario](page, *arguments)
 
 
 if __name__ == "__main__":
-    run(globals()[sys.argv[1]], *sys.argv[2:])
+    name, *arguments = sys.argv[1:]
+    run(frames, *arguments) if name == "frames" else run(browse, name, *arguments)

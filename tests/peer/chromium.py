@@ -38,12 +38,17 @@ class Page:
         self.size("desktop")
         self.driver.get(link)
 
-    def close(self):
+    def __enter__(self):
+        return self
+
+    def __exit__(self, failure, *_):
         """Ends the browser; it must have had nothing to complain of, such as what its policy forbids."""
-        told = [line["message"] for line in self.driver.get_log("browser") if line["level"] == "SEVERE"]
-        self.driver.quit()
-        shutil.rmtree(self.profile, ignore_errors=True)
-        assert not told, told
+        try:
+            told = [line["message"] for line in self.driver.get_log("browser") if line["level"] == "SEVERE"]
+            assert failure or not told, told
+        finally:
+            self.driver.quit()
+            shutil.rmtree(self.profile, ignore_errors=True)
 
     def size(self, name):
         width, height, ratio, mobile = SIZES[name]
