@@ -153,13 +153,12 @@ fn help(program: &str) -> String {
 
 /// The programs by name, with what they say of themselves.
 fn programs() -> BTreeMap<&'static str, String> {
-    let mut programs = BTreeMap::from([
+    BTreeMap::from([
         ("track", help(env!("CARGO_BIN_EXE_track"))),
         ("evaluate", help(env!("CARGO_BIN_EXE_evaluate"))),
-    ]);
-    #[cfg(feature = "ros")]
-    programs.insert("tracker_node", help(env!("CARGO_BIN_EXE_tracker_node")));
-    programs
+        #[cfg(feature = "ros")]
+        ("tracker_node", help(env!("CARGO_BIN_EXE_tracker_node"))),
+    ])
 }
 
 /// Whether a help text knows an option.

@@ -116,7 +116,10 @@ fn both_published_versions_tell_their_sizes() {
     for (version, cells) in sizes {
         let Some(files) = models::nanotrack(version) else { return };
         let network = networks(files.each_ref().map(|file| file.as_path()), "builtin");
-        assert_eq!(*locked(&network).form(), MatchingForm { template: 127, window: 255, stride: 16, cells });
+        assert_eq!(
+            *locked(&network).form(),
+            MatchingForm { framing: Framing::Context, template: 127, window: 255, stride: 16, cells }
+        );
     }
 }
 
@@ -222,7 +225,7 @@ fn files_that_are_no_such_pair_are_refused_with_what_is_wrong() {
     let missing = Path::new("/no/such.onnx");
     let refused = |backbone: &Path, head: &Path| {
         let params = params([backbone, head], "builtin", true);
-        MatchingRequest::of(&params).unwrap().load().unwrap_err().to_string()
+        MatchingRequest::of(&params).unwrap().load(None).unwrap_err().to_string()
     };
     let cases = [
         (none, head.path(), "lcmht.matching.backbone"),
