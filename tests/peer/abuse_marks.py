@@ -212,8 +212,8 @@ def hold(pid, thread):
 def hung(path):
     """A thread stands still for good: signals end the process all the same, and it says which."""
     for name, told, signals in [
-        ("worker", "the worker thread hangs", [signal.SIGINT]),
-        ("spin", "the spin thread hangs", [signal.SIGTERM, signal.SIGINT]),
+        ("worker", "worker", [signal.SIGINT]),
+        ("spin", "spin", [signal.SIGTERM, signal.SIGINT]),
         ("RustDDS discove", "DDS", [signal.SIGINT, signal.SIGTERM]),
     ]:
         node = subprocess.Popen([path], stderr=subprocess.PIPE, text=True)
@@ -235,7 +235,8 @@ def hung(path):
             took, log = time.monotonic() - begun, node.stderr.read()
         finally:
             node.kill()
-        assert node.returncode == 1 and told in log, (node.returncode, log)
+        # On a busy machine others may not have ended either.
+        assert node.returncode == 1 and told in log.split("the process is ended: ")[1], (node.returncode, log)
         after = float(log.split("still running ")[1].split(" s after")[0])
         print(f"{name} held, {len(signals)} signals: ended after {took:.2f} s")
         assert (3 <= after) if len(signals) == 1 else (after < 3), log
