@@ -39,9 +39,6 @@ const FULL_RESPONSE: f64 = 1.2;
 /// Where something else looks like the target, the response must not be below this, and what it lacks counts so much.
 const RIVAL_RESPONSE: f64 = 0.4;
 const ODDS_OF_RIVAL: f64 = 12.0;
-/// Where a rival's score is above the first of these, the score map loses of its share; at a score of 1 the second.
-const RIVAL_FROM: f64 = 0.5;
-const RIVAL_DISTRUST: f64 = 0.7;
 /// What remains of a rival from one frame to the next.
 const RIVAL_KEPT: f64 = 0.95;
 /// Something else begins at this distance in target sizes, unless it overlaps the target by more than that.
@@ -144,10 +141,7 @@ impl Matching {
             let hann = hann(x - middle[0], half_w) * hann(y - middle[1], half_h);
             ([x, y], found.score * (1.0 - WINDOW_INFLUENCE + WINDOW_INFLUENCE * hann))
         };
-        // Among its like the filter tells the target better.
-        let rival = ((self.rival - RIVAL_FROM) / (1.0 - RIVAL_FROM)).max(0.0);
-        let share = params.share * (1.0 - RIVAL_DISTRUST * rival);
-        correlator.add_layer(share, SPREAD * scale(size), self.found.iter().map(answer));
+        correlator.add_layer(params.share, SPREAD * scale(size), self.found.iter().map(answer));
     }
 
     /// Keeps what the last look found.
