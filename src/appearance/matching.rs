@@ -48,7 +48,7 @@ impl Matcher {
         let (template, patch) = Default::default();
         let mut made = Self { network, form, template, outside, window: *rect, matches, patch };
         made.cut(frame, cropper, rect.centre(), template_side(form.framing, rect.size()), form.template);
-        locked(&made.network).learn(&made.patch, &mut made.template);
+        made.template = locked(&made.network).learn(&made.patch);
         made
     }
 

@@ -151,13 +151,11 @@ impl Request {
 impl MatchingRequest {
     /// For the networks that the parameters ask for, if they do.
     pub fn of(params: &Params) -> Option<Self> {
-        let (matching, cnn) = (&params.lcmht.matching, &params.lcmht.cnn);
+        let matching = &params.lcmht.matching;
+        let is_wanted = params.general.algorithm == Algorithm::Lcmht && matching.enabled;
         let files = [&matching.backbone, &matching.head].map(PathBuf::from);
-        let are_named = files.iter().any(|file| !file.as_os_str().is_empty());
-        let has_trunk = cnn.enabled && cnn.file.is_empty();
-        let is_wanted = params.general.algorithm == Algorithm::Lcmht && matching.enabled && (are_named || has_trunk);
         is_wanted.then(|| Self {
-            files: are_named.then_some(files),
+            files: files.iter().any(|file| !file.as_os_str().is_empty()).then_some(files),
             most: params.limits.file_bytes(),
             runner: Runner::new(&params.lcmht.cnn),
             threads: params.lcmht.cnn.threads as usize,
@@ -195,7 +193,7 @@ impl MatchingRequest {
             _ => Arc::new(Mutex::new(self.trunk().load()?)),
         };
         let (engine, by) = self.runner.engine()?;
-        info!("matching head {EMBEDDED_NAME} runs by {by}");
+        info!("matching head {EMBEDDED_NAME} runs on {by}");
         MatchingNetwork::on_trunk(EMBEDDED_NAME, trunk, HEAD.into(), self.threads, &engine)
     }
 

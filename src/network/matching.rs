@@ -61,12 +61,46 @@ pub struct MatchingForm {
     pub cells: usize,
 }
 
+/// Most maps that a backbone makes.
+const MAPS: usize = TRUNK_OUTPUTS.len();
+
 /// What makes features of images.
 enum Backbone {
-    /// A network of its own, with its input, `3 x side x side`.
-    Own { network: Box<dyn Backend>, image: Vec<f32> },
-    /// The embedded network, with the maps that are taken of it.
-    Trunk { cnn: SharedCnn, maps: [usize; 2] },
+    /// A network of its own, with its input, `3 x side x side`, and the map it made last.
+    Own { network: Box<dyn Backend>, image: Vec<f32>, features: [FeatureMap; 1] },
+    /// The embedded network, and which of its maps are taken.
+    Trunk { cnn: SharedCnn, taken: [usize; MAPS] },
+}
+
+impl Backbone {
+    /// Makes the features of a square patch.
+    fn run(&mut self, patch: &Patch) -> Result<(), RunError> {
+        match self {
+            Self::Own { network, image, features } => {
+                image.clear();
+                planes(patch, true).for_each(|plane| image.extend(plane.iter().map(|&v| f32::from(v))));
+                network.run(&[Input::image(patch.width, image)], features)
+            }
+            Self::Trunk { cnn, .. } => {
+                locked(cnn).compute_patch(patch);
+                Ok(())
+            }
+        }
+    }
+
+    /// Gives `work` the maps of the last run; or says why that failed, if another ran it.
+    fn with_maps<T>(&self, work: impl FnOnce(&[&FeatureMap]) -> T) -> Result<T, RunError> {
+        match self {
+            Self::Own { features: [map], .. } => Ok(work(&[map])),
+            Self::Trunk { cnn, taken } => {
+                let cnn = locked(cnn);
+                match cnn.failure() {
+                    Some(why) => Err(why.clone()),
+                    None => Ok(work(&taken.map(|at| &cnn.maps()[at]))),
+                }
+            }
+        }
+    }
 }
 
 /// Backbone and head, with what they answered last.
@@ -75,7 +109,6 @@ pub struct MatchingNetwork {
     backbone: Backbone,
     head: Box<dyn Backend>,
     form: MatchingForm,
-    features: Vec<FeatureMap>,
     /// Of the head: two channels and four, in this order.
     answer: [FeatureMap; 2],
     /// Whether the head gives the four first.
@@ -120,8 +153,8 @@ impl MatchingNetwork {
             cells: 0,
         };
         let name = format!("{backbone_name} with {head_name}");
-        let backbone = Backbone::Own { network: backbone, image: Vec::new() };
-        Self::tried_out(name, backbone, 1, head, form).map_err(|why| unfit(head_name, why))
+        let backbone = Backbone::Own { network: backbone, image: Vec::new(), features: Default::default() };
+        Self::tried_out(name, backbone, head, form).map_err(|why| unfit(head_name, why))
     }
 
     /// The embedded head, which messages call `name`, on maps of the network `cnn`.
@@ -149,20 +182,13 @@ impl MatchingNetwork {
             stride: TRUNK_STRIDE,
             cells: 0,
         };
-        let backbone = Backbone::Trunk { cnn, maps: [deep, fine] };
-        Self::tried_out(name.to_owned(), backbone, TRUNK_OUTPUTS.len(), head, form).map_err(unfit)
+        let backbone = Backbone::Trunk { cnn, taken: [deep, fine] };
+        Self::tried_out(name.to_owned(), backbone, head, form).map_err(unfit)
     }
 
-    fn tried_out(
-        name: String,
-        backbone: Backbone,
-        maps: usize,
-        head: Box<dyn Backend>,
-        form: MatchingForm,
-    ) -> Result<Self, String> {
-        let features = vec![FeatureMap::default(); maps];
+    fn tried_out(name: String, backbone: Backbone, head: Box<dyn Backend>, form: MatchingForm) -> Result<Self, String> {
         let answer = Default::default();
-        let mut networks = Self { name, backbone, head, form, features, answer, swapped: false, failure: None };
+        let mut networks = Self { name, backbone, head, form, answer, swapped: false, failure: None };
         networks.try_out()?;
         Ok(networks)
     }
@@ -182,27 +208,28 @@ impl MatchingNetwork {
         matches!(&self.backbone, Backbone::Trunk { cnn, .. } if Arc::ptr_eq(cnn, other))
     }
 
-    /// Computes the features of a template, a patch of [`MatchingForm::template`] pixels a side. Where the run fails
-    /// they are zeros.
-    pub fn learn(&mut self, patch: &Patch, template: &mut Vec<FeatureMap>) {
-        let done = self.features(patch);
-        template.clone_from(&self.features);
-        if done.is_err() {
-            template.iter_mut().for_each(|map| map.data.fill(0.0));
-        }
-        self.failure = done.err();
+    /// The features of a template, a patch of [`MatchingForm::template`] pixels a side. Where the run fails there are
+    /// none, to which nothing answers.
+    pub fn learn(&mut self, patch: &Patch) -> Vec<FeatureMap> {
+        let template = self.template(patch);
+        self.failure = template.as_ref().err().cloned();
+        template.unwrap_or_default()
+    }
+
+    fn template(&mut self, patch: &Patch) -> Result<Vec<FeatureMap>, RunError> {
+        self.backbone.run(patch)?;
+        self.backbone.with_maps(|maps| maps.iter().map(|&map| map.clone()).collect())
     }
 
     /// Holds a template against a patch of [`MatchingForm::window`] pixels a side. Where the run fails nothing answers.
     pub fn compare(&mut self, template: &[FeatureMap], patch: &Patch) {
-        let seen = self.features(patch);
+        let seen = self.backbone.run(patch);
         self.answer_to(template, seen);
     }
 
     /// Holds a template against the window that the network [`is on`](Self::is_on) ran on last.
     pub fn compare_seen(&mut self, template: &[FeatureMap]) {
-        let seen = self.take_maps();
-        self.answer_to(template, seen);
+        self.answer_to(template, Ok(()));
     }
 
     fn answer_to(&mut self, template: &[FeatureMap], seen: Result<(), RunError>) {
@@ -232,52 +259,33 @@ impl MatchingNetwork {
         self.failure.as_ref()
     }
 
-    fn features(&mut self, patch: &Patch) -> Result<(), RunError> {
-        match &mut self.backbone {
-            Backbone::Own { network, image } => {
-                image.clear();
-                planes(patch, true).for_each(|plane| image.extend(plane.iter().map(|&v| f32::from(v))));
-                network.run(&[Input::image(patch.width, image)], &mut self.features)
-            }
-            Backbone::Trunk { cnn, .. } => {
-                locked(cnn).compute_patch(patch);
-                self.take_maps()
-            }
-        }
-    }
-
-    /// Takes over the maps that the embedded network made last.
-    fn take_maps(&mut self) -> Result<(), RunError> {
-        if let Backbone::Trunk { cnn, maps } = &self.backbone {
-            let cnn = locked(cnn);
-            if let Some(why) = cnn.failure() {
-                return Err(why.clone());
-            }
-            self.features.iter_mut().zip(maps).for_each(|(map, &at)| map.clone_from(&cnn.maps()[at]));
-        }
-        Ok(())
-    }
-
+    /// Holds a template against what the backbone saw last.
     fn answer(&mut self, template: &[FeatureMap]) -> Result<(), RunError> {
-        if self.swapped {
-            self.answer.swap(0, 1);
+        let Self { backbone, head, answer, swapped, .. } = self;
+        if *swapped {
+            answer.swap(0, 1);
         }
-        let inputs: Vec<Input> = template.iter().chain(&self.features).map(Input::map).collect();
-        let done = self.head.run(&inputs, &mut self.answer);
-        if self.swapped {
-            self.answer.swap(0, 1);
+        let done = backbone.with_maps(|maps| {
+            if template.len() != maps.len() {
+                return Err(RunError::Library { why: "there is no template".to_owned() });
+            }
+            let mut inputs = [Input::map(maps[0]); 2 * MAPS];
+            let given = template.iter().chain(maps.iter().copied());
+            inputs.iter_mut().zip(given).for_each(|(input, map)| *input = Input::map(map));
+            head.run(&inputs[..2 * maps.len()], answer)
+        });
+        if *swapped {
+            answer.swap(0, 1);
         }
-        done
+        done.flatten()
     }
 
     /// Runs both on grey images, and reads from the answer what the files do not declare.
     fn try_out(&mut self) -> Result<(), String> {
         let grey = |side: usize| Patch::grey(side, GREY as u8);
         let told = |why: RunError| why.to_string();
-        let mut template = Vec::new();
-        self.features(&grey(self.form.template)).map_err(told)?;
-        template.clone_from(&self.features);
-        self.features(&grey(self.form.window)).map_err(told)?;
+        let template = self.template(&grey(self.form.template)).map_err(told)?;
+        self.backbone.run(&grey(self.form.window)).map_err(told)?;
         self.answer(&template).map_err(told)?;
         self.swapped = self.answer[0].channels == 4;
         if self.swapped {

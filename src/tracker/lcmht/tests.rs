@@ -18,7 +18,10 @@ use crate::filter::mixture::{Component, ReductionSettings};
 use crate::filter::motion::{MotionModel, Noise};
 use crate::frame::Encoding;
 use crate::geometry::distance;
+use crate::loader::Loaded;
+use crate::network::locked;
 use crate::params::{NodeName, Phase, Value, file};
+use crate::session::Session;
 use crate::trace::Thresholds;
 
 const WIDTH: usize = 320;
@@ -231,6 +234,28 @@ fn with_the_papers_parameters_each_frame_goes_by_algorithm_1_line_by_line() {
     assert!(taken_up > 0 && refused > 0 && taught > 0 && taught < steps, "{taken_up} {refused} {taught} of {steps}");
     let there = Rect::around(place(FRAMES - 1).unwrap(), TARGET.size());
     assert!(output.targets[0].rect.iou(&there) > 0.5, "{} is not {there}", output.targets[0].rect);
+}
+
+/// One run of the embedded network serves the filter's layers and the matching head.
+#[test]
+fn the_network_runs_once_a_frame_for_layers_and_head() {
+    let [on, off] = [true, false].map(Value::Bool);
+    let changes = [
+        ("lcmht.matching.enabled", &on),
+        ("lcmht.augment.enabled", &off),
+        ("lcmht.turn.enabled", &off),
+        ("lcmht.cnn.inference", &Value::String("builtin".to_owned())),
+    ];
+    let params = Params::default().with(changes, Phase::StartUp).unwrap();
+    let networks = Loaded::new(&params).unwrap().networks();
+    let cnn = networks.cnn.clone().unwrap();
+    let mut session = Session::with_networks(params, networks);
+    session.start(&frame(&scene(0)), TARGET, &mut ()).unwrap();
+    for k in 1..6 {
+        let before = locked(&cnn).runs;
+        session.step(&frame(&scene(k)), &mut ());
+        assert_eq!(locked(&cnn).runs - before, 1, "frame {k}");
+    }
 }
 
 /// Keeps what the last response was held against.
