@@ -4,9 +4,11 @@
     python3 -m venv --system-site-packages venv && venv/bin/pip install -r matching/requirements.txt
     venv/bin/python train_matching.py pairs PAIRS --video RECORDINGS... --pictures PICTURES... --teacher BACKBONE HEAD
     venv/bin/python train_matching.py train HEAD.onnx --pairs PAIRS...
+    venv/bin/python train_matching.py follow HEAD.onnx BOXES --video RECORDINGS...
 
 `pairs` makes pairs of a template and a search window; `train` trains a head on them. Both go on where they were
-stopped. RECORDINGS holds a folder for each recording, as `evaluate` reads them: images, and `groundtruth_rect.txt` with
+stopped. `follow` follows the marked targets with a head alone, and writes boxes that `evaluate --peer` reads.
+RECORDINGS holds a folder for each recording, as `evaluate` reads them: images, and `groundtruth_rect.txt` with
 x,y,width,height a row.
 """
 
@@ -24,7 +26,8 @@ LITE0 = pathlib.Path(__file__).with_name("lite0.onnx")
 BATCH = 32
 RATE, WARM_UP, LAST_SHARE = 1.5e-3, 100, 0.02
 WEIGHT_DECAY, MOST_GRADIENT = 1e-2, 5.0
-CHECKED, CHECK_STEPS, LOG_STEPS = 800, 1000, 200
+# Pairs on which the head is measured, and at which log lines it is.
+CHECKED, CHECK_LINES = 800, 5
 FOUND = 0.3
 
 
@@ -85,27 +88,30 @@ def train(options):
     torch.manual_seed(options.seed)
     random = np.random.default_rng(options.seed)
     pairs = Pairs(options.pairs)
-    without = {name for name in options.without.split(",") if name}
-    checked = {name for name in options.check.split(",") if name}
-    is_left_out = np.isin(pairs.names, list(without | checked))
+    is_left_out = np.isin(pairs.names, options.without + options.check)
     learned = np.flatnonzero(~is_left_out)
-    marked = np.flatnonzero((pairs.about[:, 0] == MARKED) & (np.isin(pairs.names, list(checked)) if checked else True))
+    is_checked = np.isin(pairs.names, options.check) if options.check else True
+    marked = np.flatnonzero((pairs.about[:, 0] == MARKED) & is_checked)
     marked = random.permutation(marked)[:CHECKED]
+    learned = learned[np.linspace(0, len(learned) - 1, round(options.share * len(learned))).astype(int)]
     if not len(learned):
         sys.exit("no pairs are left to learn")
     steps = max(1, int(options.epochs * len(learned) / BATCH))
     head = Head()
     optimiser = torch.optim.AdamW(head.parameters(), lr=RATE, weight_decay=WEIGHT_DECAY)
     order = [int(at) for _ in range(math.ceil(options.epochs) + 1) for at in random.permutation(learned)]
-    first, state = 0, options.out.with_suffix(".state")
+    first, mean, state = 0, None, options.out.with_suffix(".state")
+    run = {"seed": options.seed, "steps": steps, "pairs": len(learned)}
     if state.exists():
         kept = torch.load(state)
-        first = kept["step"]
+        if kept["run"] != run:
+            sys.exit(f"{state} is of a run with {kept['run']}, not {run}: remove it, or name another file")
+        first, mean = kept["step"], kept["loss"]
         head.load_state_dict(kept["head"])
         optimiser.load_state_dict(kept["optimiser"])
     size = sum(values.numel() for values in head.parameters())
     print(f"{size} parameters, {len(learned)} pairs, {steps} steps from {first}, checked on {len(marked)}", flush=True)
-    begun, mean = time.monotonic(), None
+    begun = time.monotonic()
     for step in range(first, steps):
         fall = 0.5 * (1 + math.cos(math.pi * step / steps))
         for group in optimiser.param_groups:
@@ -117,10 +123,13 @@ def train(options):
         optimiser.step()
         mean = value.item() if mean is None else 0.98 * mean + 0.02 * value.item()
         is_last = step + 1 == steps
-        if (step + 1) % LOG_STEPS == 0 or is_last:
-            note = f", {told(head, pairs, marked)}" if (step + 1) % CHECK_STEPS == 0 or is_last else ""
+        if (step + 1) % options.every == 0 or is_last:
+            learned_by = {"head": head.state_dict(), "optimiser": optimiser.state_dict()}
+            torch.save({"run": run, "step": step + 1, "loss": mean, **learned_by}, state.with_suffix(".new"))
+            state.with_suffix(".new").replace(state)
+            is_told = (step + 1) % (CHECK_LINES * options.every) == 0 or is_last
+            note = f", {told(head, pairs, marked)}" if is_told else ""
             print(f"step {step + 1}, {time.monotonic() - begun:.0f} s, loss {mean:.3f}{note}", flush=True)
-            torch.save({"step": step + 1, "head": head.state_dict(), "optimiser": optimiser.state_dict()}, state)
     head.eval()
     model = export(head, options.out)
     logits, pixels = check(head, model, pairs.batch(learned[:1]))
@@ -136,10 +145,17 @@ def pairs(options):
     make(options.out, options.count, options.seed, Trunk(LITE0), Teacher(*options.teacher), options.video, stills)
 
 
+def follow(options):
+    from follow import follow
+    from pairs import Trunk
+
+    follow(Trunk(LITE0), options.head, options.video, options.sequences, options.out)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
-    folder = pathlib.Path
+    folder, names = pathlib.Path, lambda text: text.split(",")
     made = commands.add_parser("pairs", help="make pairs")
     made.add_argument("out", type=folder)
     made.add_argument("--video", type=folder, nargs="*", default=[], help="folders of recordings")
@@ -153,10 +169,17 @@ def main():
     trained.add_argument("--epochs", type=float, default=5)
     trained.add_argument("--seed", type=int, default=0)
     trained.add_argument("--threads", type=int, default=1)
-    trained.add_argument("--without", default="", help="recordings to leave out, separated by commas")
-    trained.add_argument("--check", default="", help="recordings to check on, which are left out as well")
+    trained.add_argument("--every", type=int, default=200, help="steps from one log line and kept state to the next")
+    trained.add_argument("--share", type=float, default=1, help="share of the pairs to learn, for a learning curve")
+    trained.add_argument("--without", type=names, default=[], help="recordings to leave out, separated by commas")
+    trained.add_argument("--check", type=names, default=[], help="recordings to check on, which are left out as well")
+    alone = commands.add_parser("follow", help="follow targets with a head alone, for `evaluate --peer`")
+    alone.add_argument("head", type=folder, help="the ONNX file")
+    alone.add_argument("out", type=folder, help="a folder for the boxes")
+    alone.add_argument("--video", type=folder, nargs="+", required=True, help="folders of recordings")
+    alone.add_argument("--sequences", type=names, default=[], help="these recordings alone, separated by commas")
     options = parser.parse_args()
-    {"pairs": pairs, "train": train}[options.command](options)
+    {"pairs": pairs, "train": train, "follow": follow}[options.command](options)
 
 
 if __name__ == "__main__":

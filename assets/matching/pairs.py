@@ -82,7 +82,7 @@ class Teacher:
 
 def side_with_context(size):
     """The side of a teacher's template, half of the mean of width and height around the target."""
-    return np.sqrt((size[0] + size.mean()) * (size[1] + size.mean()))
+    return np.sqrt((size[0] + size.mean(0)) * (size[1] + size.mean(0)))
 
 
 class View:
