@@ -15,7 +15,7 @@ use support::{Environment, Node, Peer, domain, free_port};
 
 /// Python that has rclpy and drives a browser.
 fn python() -> Command {
-    let browser = venv::python("browser", "tests/peer/requirements-browser.txt");
+    let browser = venv::python("browser", "tests/peer/requirements-browser.txt", None);
     let packages = Command::new(browser).args(["-c", "import site; print(site.getsitepackages()[0])"]).output();
     let packages = String::from_utf8(packages.expect("python").stdout).expect("a path");
     let mut python = Environment::get().python();

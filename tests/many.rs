@@ -58,7 +58,7 @@ fn blobs() -> PathBuf {
 
 #[test]
 fn maptrack_and_sort_are_scored_on_the_same_blobs_by_one_command() {
-    let python = venv::python("many", "benches/peers/requirements-many.txt");
+    let python = venv::python("many", "benches/peers/requirements-many.txt", None);
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/many.py");
     let dir = tempfile::tempdir().unwrap();
     write_sequence(&dir.path().join("mot/pair"));

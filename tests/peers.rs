@@ -54,7 +54,7 @@ fn write_sequence(folder: &Path) {
 
 #[test]
 fn other_trackers_are_compared_with_this_one_by_one_command() {
-    let python = venv::python("peers", "benches/peers/requirements.txt");
+    let python = venv::python("peers", "benches/peers/requirements.txt", None);
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/compare.py");
     let dir = tempfile::tempdir().unwrap();
     write_sequence(&dir.path().join("walk"));

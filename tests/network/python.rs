@@ -13,7 +13,7 @@ use venv::run;
 const LIBRARY: &str = "import onnxruntime, glob, os; \
     print(*glob.glob(os.path.join(os.path.dirname(onnxruntime.__file__), 'capi', 'libonnxruntime.*')))";
 
-static PYTHON: LazyLock<PathBuf> = LazyLock::new(|| venv::python("networks", "assets/requirements.txt"));
+static PYTHON: LazyLock<PathBuf> = LazyLock::new(|| venv::python("networks", "assets/requirements.txt", None));
 
 /// ONNX Runtime's shared library.
 pub fn onnxruntime() -> PathBuf {
