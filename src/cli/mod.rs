@@ -2,9 +2,12 @@
 //! runs and exits.
 
 pub mod evaluate;
+pub mod fleet;
+pub mod following;
 #[cfg(feature = "viewer")]
 pub mod player;
 pub mod rows;
+pub mod summary;
 pub mod timing;
 pub mod track;
 #[cfg(feature = "viewer")]
@@ -76,6 +79,27 @@ pub enum Error {
     /// The live page cannot be served.
     #[error(transparent)]
     Viewer(ListenError),
+    /// Several recordings, and nowhere for the rows of each.
+    #[error("{0} recordings: give --out DIR, a folder for the rows of each")]
+    NeedsFolder(usize),
+    /// The path of a recording ends in no name.
+    #[error("{}: it has no name to file its rows under", .0.display())]
+    NoName(PathBuf),
+    /// Nothing tells where the target of a recording is.
+    #[error("no target: there is neither a row for '{name}' in {}, nor {} with a box in its first row", marks.display(), truth.display())]
+    NoMark { name: String, marks: PathBuf, truth: PathBuf },
+    /// The rows of two recordings would go to the same file.
+    #[error("{} and {} have the same name '{name}', which their rows would be filed under", first.display(), second.display())]
+    SameName { name: String, first: PathBuf, second: PathBuf },
+    /// The folder holds the rows of another set of parameters.
+    #[error("{}: the rows there were made with {name} = {there}, not {now}; choose another --out", path.display())]
+    OtherParameters { path: PathBuf, name: String, there: String, now: String },
+    /// What stands where the rows of a recording belong is something else.
+    #[error("{}, line {line}: '{text}' is not a row of track; move the file away", path.display())]
+    NotRows { path: PathBuf, line: usize, text: String },
+    /// Not every recording was tracked to its end; each was reported.
+    #[error("{failed} of {recordings} recordings failed")]
+    Recordings { failed: usize, recordings: usize },
     /// Not every sequence was run to its end; each was reported.
     #[error("{failed} of {runs} runs failed")]
     Sequences { failed: usize, runs: usize },
@@ -94,7 +118,8 @@ impl Error {
     /// 2 for arguments that cannot be used, known before the first frame is tracked; 1 for what fails later.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Read(_) | Self::Write { .. } | Self::Page(_) | Self::Sequences { .. } => 1,
+            Self::Read(_) | Self::Write { .. } | Self::Page(_) => 1,
+            Self::Recordings { .. } | Self::Sequences { .. } => 1,
             _ => 2,
         }
     }

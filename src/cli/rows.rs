@@ -1,8 +1,12 @@
 //! The rows of `track`: one a frame for a target that was marked, or one a target and frame where targets are found.
 
-use std::io::{self, Write};
+use std::fs::File;
+use std::io::{self, BufWriter, ErrorKind, Write};
+use std::path::Path;
 
+use super::Error;
 use crate::geometry::Rect;
+use crate::params::Algorithm;
 use crate::tracker::{Output, State};
 
 /// The first line of rows of a single target.
@@ -28,6 +32,61 @@ pub fn write_mot(out: &mut dyn Write, frame: usize, output: &Output) -> io::Resu
         let (r, confidence) = (&target.rect, target.confidence);
         writeln!(out, "{frame},{},{},{},{},{},{confidence},-1,-1,-1", target.id, r.x, r.y, r.w, r.h)
     })
+}
+
+/// Where the rows of a recording go.
+pub struct Rows<'a> {
+    out: Box<dyn Write + 'a>,
+    name: String,
+    /// Whether there is a row for each target of a frame.
+    many: bool,
+}
+
+impl<'a> Rows<'a> {
+    /// To a new file, or to standard output.
+    pub fn create(path: Option<&Path>, algorithm: Algorithm) -> Result<Self, Error> {
+        let Some(path) = path else {
+            return Self::to(Box::new(io::stdout().lock()), "standard output".to_owned(), algorithm);
+        };
+        let file = File::create(path).map_err(|source| Error::Create { path: path.to_owned(), source })?;
+        Self::to(Box::new(BufWriter::new(file)), path.display().to_string(), algorithm)
+    }
+
+    /// To a writer that messages call by this name. The rows of a single target begin with the header.
+    pub fn to(out: Box<dyn Write + 'a>, name: String, algorithm: Algorithm) -> Result<Self, Error> {
+        let many = algorithm == Algorithm::Maptrack;
+        let mut rows = Self { out, name, many };
+        if !many {
+            let header = writeln!(rows.out, "{HEADER}");
+            rows.check(header)?;
+        }
+        Ok(rows)
+    }
+
+    /// Writes the rows of a frame, counted from 1. `false`: nobody reads on.
+    pub fn write(&mut self, frame: usize, output: &Output) -> Result<bool, Error> {
+        let written = if self.many {
+            write_mot(&mut self.out, frame, output)
+        } else {
+            write(&mut self.out, output).and_then(|()| writeln!(self.out))
+        };
+        self.check(written)
+    }
+
+    /// Writes what is left.
+    pub fn finish(mut self) -> Result<(), Error> {
+        let flushed = self.out.flush();
+        self.check(flushed).map(drop)
+    }
+
+    /// A closed pipe is a reader who has seen enough (`track ... | head`).
+    fn check(&self, result: io::Result<()>) -> Result<bool, Error> {
+        match result {
+            Ok(()) => Ok(true),
+            Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(false),
+            Err(e) => Err(Error::Write { to: self.name.clone(), why: e.to_string() }),
+        }
+    }
 }
 
 #[cfg(test)]

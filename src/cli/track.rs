@@ -2,35 +2,40 @@
 //! frame.
 
 use std::fs::File;
-use std::io::{self, BufWriter, ErrorKind, Write};
+use std::io::{BufWriter, Write};
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use clap::Parser;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ImageEncoder, RgbImage, imageops};
 
+use super::fleet::{self, Fleet};
+use super::following::{Following, Mark};
 #[cfg(feature = "viewer")]
 use super::player::{Player, Recording};
-use super::timing::{StageClock, per_second};
+use super::rows::Rows;
+use super::timing::per_second;
 #[cfg(feature = "viewer")]
 use super::view;
-use super::{Error, params, progress, rows, tell};
+use super::{Error, params, progress, tell};
 use crate::draw::{self, Scene};
 use crate::frame::Frame;
 use crate::geometry::Rect;
-use crate::loader::FailureLog;
 #[cfg(feature = "viewer")]
 use crate::params::Params;
-use crate::params::{Algorithm, Assignment, assignment};
+use crate::params::{Assignment, assignment};
 use crate::record::Recorder;
-use crate::replay::{self, FrameSource, truth};
+#[cfg(feature = "viewer")]
+use crate::replay::FrameSource;
+use crate::replay::{self, truth};
 use crate::session::Session;
 use crate::tracker::Output;
 #[cfg(feature = "viewer")]
 use crate::viewer::Hub;
 
-/// Follow a target through recorded frames.
+/// Follow a target through recorded frames, or through many recordings at once.
 ///
 /// Writes CSV: the header x,y,w,h,confidence,state, then one row per frame, starting with the initial box. Boxes are in
 /// pixels from the top left corner. The state is tracking, uncertain or lost; the box of a lost target is the best
@@ -41,8 +46,10 @@ use crate::viewer::Hub;
 #[command(name = "track", version)]
 pub struct Args {
     /// A folder of images (JPEG, PNG, BMP, TIFF, WebP, PGM, PPM; in the order of the numbers in their names), or a
-    /// folder with images in img/; or a rosbag2 recording: its folder, or one of its files (.mcap, .db3).
-    source: PathBuf,
+    /// folder with images in img/; or a rosbag2 recording: its folder, or one of its files (.mcap, .db3). Several
+    /// recordings need --out.
+    #[arg(value_name = "SOURCE", required = true)]
+    sources: Vec<PathBuf>,
     /// The image topic of a bag. Not needed if only one topic has images.
     #[arg(long, value_name = "NAME")]
     topic: Option<String>,
@@ -70,162 +77,96 @@ pub struct Args {
     /// /tracker/annotations (for Foxglove's image panel).
     #[arg(long, value_name = "FILE.mcap")]
     bag: Option<PathBuf>,
+    /// Tracks each SOURCE by itself, several at once, and writes its rows to DIR/NAME.csv, where NAME is the name of
+    /// its file or folder. Recordings whose rows are there already are skipped; one that fails does not stop the
+    /// others, and the exit code is 1. Also writes DIR/summary.json, the result of each recording, and
+    /// DIR/parameters.yaml, with which all rows in DIR are made.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "annotate", "bag"])]
+    out: Option<PathBuf>,
+    /// The target's box in the first frame of each recording: rows of name,x,y,w,h. A recording without a row falls
+    /// back on its groundtruth_rect.txt. --init gives all recordings the same box.
+    #[arg(long, value_name = "FILE.csv", requires = "out", conflicts_with = "init")]
+    marks: Option<PathBuf>,
+    /// Number of recordings to track at once. Default: the number of cores.
+    #[arg(long, value_name = "N", requires = "out")]
+    threads: Option<NonZeroUsize>,
+    /// Only prints the recordings that have no rows in DIR yet, one per line.
+    #[arg(long, requires = "out")]
+    pending: bool,
     /// Opens the frames on the live page instead, at viewer.port or any free port: mark, play, tune and run again in a
     /// browser. The page saves the rows and, with --bag, the bag.
     #[cfg(feature = "viewer")]
-    #[arg(long, conflicts_with_all = ["output", "annotate"])]
+    #[arg(long, conflicts_with_all = ["output", "annotate", "out"])]
     view: bool,
 }
 
 /// Runs the command to the end of the frames.
 pub fn run(args: &Args) -> Result<(), Error> {
     let params = params(&args.params, args.algorithm.as_deref(), &args.set)?;
-    let mut source = replay::open(&args.source, args.topic.as_deref(), &params.limits).map_err(Error::Source)?;
+    if let Some(out) = &args.out {
+        let (topic, marks) = (args.topic.as_deref(), args.marks.as_deref());
+        let fleet = Fleet { sources: &args.sources, topic, init: args.init, marks, out, threads: args.threads };
+        return if args.pending { fleet::print_pending(&fleet, &params) } else { fleet::run(&fleet, &params) };
+    }
+    let [path] = args.sources.as_slice() else { return Err(Error::NeedsFolder(args.sources.len())) };
+    let source = replay::open(path, args.topic.as_deref(), &params.limits).map_err(Error::Source)?;
     source.notes().iter().for_each(|note| log::warn!("{note}"));
-    let finds = params.general.algorithm == Algorithm::Maptrack;
+    let algorithm = params.general.algorithm;
     #[cfg(feature = "viewer")]
     if args.view {
-        return view(args, source, params);
+        return view(args, path, source, params);
     }
-    let target = match target(args, source.as_ref()) {
-        Err(Error::NoTarget(_)) if finds => None,
-        target => Some(target?),
+    let mark = match args.init {
+        Some(rect) => Some(Mark { rect, from: "--init".to_owned() }),
+        None => Mark::beside(source.as_ref(), algorithm)?,
     };
-    let first = source.next_frame().map_err(Error::Read)?;
-    let mut session = Session::new(params)?;
-    let mut watch = (StageClock::default(), Scene::default());
-    let mut processing = Duration::ZERO;
-    if let Some(buffer) = &first {
-        watch.0.begin();
-        match target {
-            Some((init, from)) => {
-                let started = session.start(&buffer.frame(), init, &mut watch);
-                started.map_err(|source| Error::Start { from, source })?;
-            }
-            None => drop(session.step(&buffer.frame(), &mut watch)),
-        }
-        processing = watch.0.end();
-    }
-    let mut rows = Rows::create(args.output.as_deref(), finds)?;
+    let bar = progress(source.remaining());
+    let mut following = Following::new(source, Session::new(params)?, mark);
+    let mut scene = Scene::default();
+    let mut next = following.step(&mut scene)?;
+    let mut rows = Rows::create(args.output.as_deref(), algorithm)?;
     let pictures = args.annotate.as_deref().map(Pictures::create).transpose()?;
-    let algorithm = session.params().general.algorithm.name();
-    let mut bag = args.bag.as_deref().map(|path| Recorder::create(path, algorithm)).transpose()?;
+    let mut bag = args.bag.as_deref().map(|path| Recorder::create(path, algorithm.name())).transpose()?;
 
-    let bar = progress(source.remaining().map(|n| n.saturating_add(1)));
     let begun = Instant::now();
-    let mut next = first;
-    let mut frames = 0;
-    let mut failures = FailureLog::default();
     while let Some(buffer) = next {
-        let frame = buffer.frame().with_levels(session.params().levels.range());
-        if frames > 0 {
-            watch.1.clear();
-            watch.0.begin();
-            session.step(&frame, &mut watch);
-            processing = watch.0.end();
-            failures.watch(&session);
-        }
-        frames += 1;
+        let frame = buffer.frame().with_levels(following.session.params().levels.range());
         // Nobody may read the rows any more, but what else was asked for is made to its end.
-        if !rows.write(frames, session.output())? && bag.is_none() && pictures.is_none() {
+        if !rows.write(following.frames, following.output())? && bag.is_none() && pictures.is_none() {
             return Ok(());
         }
         if let Some(bag) = &mut bag {
-            bag.write(source.origin(), session.output(), processing)?;
+            bag.write(following.source.origin(), following.output(), following.processing)?;
         }
         if let Some(pictures) = &pictures {
-            pictures.write(frames, &frame, session.output(), &watch.1)?;
+            pictures.write(following.frames, &frame, following.output(), &scene)?;
         }
         bar.inc(1);
-        next = source.next_frame().map_err(Error::Read)?;
+        scene.clear();
+        next = following.step(&mut scene)?;
     }
     rows.finish()?;
     bag.map_or(Ok(()), Recorder::finish)?;
     bar.finish_and_clear();
     // Again at the end, for what was said at the beginning is far away by now.
-    let noted: String = source.notes().iter().map(|note| format!("; note: {note}")).collect();
-    tell(format_args!("{}; {:.1} with reading and writing{noted}", watch.0, per_second(frames, begun.elapsed())));
+    let noted: String = following.source.notes().iter().map(|note| format!("; note: {note}")).collect();
+    let rate = per_second(following.frames, begun.elapsed());
+    tell(format_args!("{}; {rate:.1} with reading and writing{noted}", following.clock));
     Ok(())
 }
 
 /// Shows the frames on the live page.
 #[cfg(feature = "viewer")]
-fn view(args: &Args, source: Box<dyn FrameSource>, params: Params) -> Result<(), Error> {
-    let target = match target(args, source.as_ref()) {
-        Err(Error::NoTarget(_)) => None,
-        target => Some(target?.0),
+fn view(args: &Args, path: &Path, source: Box<dyn FrameSource>, params: Params) -> Result<(), Error> {
+    let target = match (args.init, Mark::beside(source.as_ref(), params.general.algorithm)) {
+        (Some(rect), _) => Some(rect),
+        (None, Err(Error::NoTarget(_))) => None,
+        (None, mark) => mark?.map(|mark| mark.rect),
     };
     let hub = Hub::keeping(view::SAMPLES);
-    let recording = Recording { path: args.source.clone(), topic: args.topic.clone() };
+    let recording = Recording { path: path.to_owned(), topic: args.topic.clone() };
     let player = Player::new(recording, source, params, hub.clone())?;
-    view::run(player, &hub, &args.source.display().to_string(), target, args.bag.clone())
-}
-
-/// The target's box on the first frame, and what it was taken from.
-fn target(args: &Args, source: &dyn FrameSource) -> Result<(Rect, String), Error> {
-    if let Some(rect) = args.init {
-        return Ok((rect, "--init".to_owned()));
-    }
-    let candidates = source.truth_candidates();
-    let path = candidates.iter().find(|p| p.exists()).or(candidates.first());
-    let path = path.map_or_else(|| PathBuf::from(truth::FILE_NAME), Clone::clone);
-    if !path.exists() {
-        return Err(Error::NoTarget(path));
-    }
-    match truth::read(&path).map_err(Error::Truth)?.first() {
-        Some(&Some(rect)) => Ok((rect, path.display().to_string())),
-        _ => Err(Error::NoTarget(path)),
-    }
-}
-
-/// Where the rows go.
-struct Rows {
-    out: Box<dyn Write>,
-    name: String,
-    /// Whether there is a row for each target of a frame.
-    many: bool,
-}
-
-impl Rows {
-    fn create(path: Option<&Path>, many: bool) -> Result<Self, Error> {
-        let (out, name): (Box<dyn Write>, _) = match path {
-            None => (Box::new(io::stdout().lock()), "standard output".to_owned()),
-            Some(path) => {
-                let file = File::create(path).map_err(|source| Error::Create { path: path.to_owned(), source })?;
-                (Box::new(BufWriter::new(file)), path.display().to_string())
-            }
-        };
-        let mut rows = Self { out, name, many };
-        if !many {
-            let header = writeln!(rows.out, "{}", rows::HEADER);
-            rows.check(header)?;
-        }
-        Ok(rows)
-    }
-
-    /// Writes the rows of a frame, counted from 1. `false`: nobody reads on.
-    fn write(&mut self, frame: usize, output: &Output) -> Result<bool, Error> {
-        let written = if self.many {
-            rows::write_mot(&mut self.out, frame, output)
-        } else {
-            rows::write(&mut self.out, output).and_then(|()| writeln!(self.out))
-        };
-        self.check(written)
-    }
-
-    fn finish(mut self) -> Result<(), Error> {
-        let flushed = self.out.flush();
-        self.check(flushed).map(drop)
-    }
-
-    /// A closed pipe is a reader who has seen enough (`track ... | head`).
-    fn check(&self, result: io::Result<()>) -> Result<bool, Error> {
-        match result {
-            Ok(()) => Ok(true),
-            Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(false),
-            Err(e) => Err(Error::Write { to: self.name.clone(), why: e.to_string() }),
-        }
-    }
+    view::run(player, &hub, &path.display().to_string(), target, args.bag.clone())
 }
 
 /// The folder of annotated frames.
