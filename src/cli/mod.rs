@@ -86,10 +86,10 @@ pub enum Error {
     #[error("{}: it has no name to file its rows under", .0.display())]
     NoName(PathBuf),
     /// Nothing tells where the target of a recording is.
-    #[error("no target: there is neither a row for '{name}' in {}, nor {} with a box in its first row", marks.display(), truth.display())]
+    #[error("no target: no row '{name}' in {}, nor {} with a box in its first row", marks.display(), truth.display())]
     NoMark { name: String, marks: PathBuf, truth: PathBuf },
     /// The rows of two recordings would go to the same file.
-    #[error("{} and {} have the same name '{name}', which their rows would be filed under", first.display(), second.display())]
+    #[error("{} and {} have the same name '{name}' for their rows", first.display(), second.display())]
     SameName { name: String, first: PathBuf, second: PathBuf },
     /// The folder holds the rows of another set of parameters.
     #[error("{}: the rows there were made with {name} = {there}, not {now}; choose another --out", path.display())]

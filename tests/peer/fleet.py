@@ -63,7 +63,7 @@ def main():
     own, options = own[: own.index("--")], own[own.index("--") + 1 :]
     track, out, scratch, *recordings = own
     loopback_up()
-    os.environ.update(RAY_USAGE_STATS_ENABLED="0", RAY_TMPDIR=scratch)
+    os.environ.update(RAY_USAGE_STATS_ENABLED="0", RAY_TMPDIR=scratch, RAY_raylet_start_wait_time_s=str(DEADLINE))
     from ray.cluster_utils import Cluster
 
     node = {"num_cpus": 1, "object_store_memory": STORE}
