@@ -27,7 +27,7 @@ RETRIES = 5
 def tracked(track, recording, options, folder):
     """The rows of a recording by the name of their file, and what `track` said. No rows if it failed."""
     with tempfile.TemporaryDirectory() as out:
-        command = [track, recording, "--out", out, "--threads", "1", *options]
+        command = [track, recording, "--out", out, *options]
         done = subprocess.run(command, cwd=folder, stderr=subprocess.PIPE, text=True, check=False)
         return {file.name: file.read_bytes() for file in pathlib.Path(out).glob("*.csv")}, done.stderr
 

@@ -62,7 +62,7 @@ struct Job<'a> {
 pub fn run(fleet: &Fleet, params: &Params) -> Result<(), Error> {
     let (jobs, outcomes) = begin(fleet, params)?;
     let pending: Vec<usize> = (0..jobs.len()).filter(|&i| outcomes[i].is_none()).collect();
-    let skipped = jobs.len() - pending.len();
+    let skipped = outcomes.iter().flatten().filter(|outcome| !outcome.is_failure()).count();
     let threads = fleet.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
     // Networks are loaded once per thread, and before anything is tracked.
     let threads = 0..threads.min(pending.len());

@@ -33,6 +33,13 @@ pub enum Outcome {
     Failed { error: String },
 }
 
+impl Outcome {
+    /// Whether the recording has no rows.
+    pub fn is_failure(&self) -> bool {
+        matches!(self, Self::Failed { .. })
+    }
+}
+
 /// A recording and what came of it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Entry {
@@ -59,7 +66,7 @@ pub struct Summary {
 impl Summary {
     /// That of these recordings.
     pub fn new(recordings: Vec<Entry>) -> Self {
-        let failed = recordings.iter().filter(|entry| matches!(entry.outcome, Outcome::Failed { .. })).count();
+        let failed = recordings.iter().filter(|entry| entry.outcome.is_failure()).count();
         Self { finished: recordings.len() - failed, failed, recordings }
     }
 
