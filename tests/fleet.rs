@@ -163,7 +163,7 @@ fn rows_of_other_parameters_or_marks_do_not_count() {
     marks(&format!("a,{}\n", MARKS[3]));
     assert_ends(&run(&["--marks", "marks.csv"]), 0, "2 finished, of which 1 before");
     assert_ends(&run(&["--marks", "marks.csv"]), 0, "2 finished, of which 2 before");
-    assert_ends(&run(&["-p", "seed:=7"]), 2, "out/parameters.yaml: the rows there were made with seed = 1, not 7");
+    assert_ends(&run(&["-p", "seed:=7"]), 2, "out/parameters.yaml: the rows there were made with seed = 0, not 7");
 
     fs::write(dir.path().join("out/a.csv"), "mine\n").unwrap();
     assert_ends(&run(&[]), 1, "error: a: out/a.csv, line 1: 'mine' is not a row of track");
