@@ -1,7 +1,7 @@
 //! The clip that the package ships: the default tracker must follow the right person on it, by boxes drawn by hand; and
 //! the demo, which shows it over ROS 2, must work as the README tells.
 
-#[path = "../examples/demo/clip.rs"]
+#[path = "../src/bin/tracker_demo/clip.rs"]
 mod clip;
 
 use long_term_tracker::params::{self, Phase};
@@ -99,13 +99,7 @@ fn the_demo_plays_as_a_camera_would() {
 #[cfg(feature = "ros")]
 fn demo(args: &[&str]) -> String {
     let output = tempfile::tempdir().unwrap();
-    // The command of the README; it finds everything built.
-    let profile: &[&str] = if cfg!(debug_assertions) { &[] } else { &["--release"] };
-    let run = std::process::Command::new(env!("CARGO"))
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .args(["run", "--example", "demo"])
-        .args(profile)
-        .arg("--")
+    let run = std::process::Command::new(env!("CARGO_BIN_EXE_tracker_demo"))
         .args(args)
         .arg("--output")
         .arg(output.path())

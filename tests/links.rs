@@ -157,6 +157,8 @@ fn programs() -> BTreeMap<&'static str, String> {
         ("track", help(env!("CARGO_BIN_EXE_track"))),
         ("evaluate", help(env!("CARGO_BIN_EXE_evaluate"))),
         #[cfg(feature = "ros")]
+        ("tracker_demo", help(env!("CARGO_BIN_EXE_tracker_demo"))),
+        #[cfg(feature = "ros")]
         ("tracker_node", help(env!("CARGO_BIN_EXE_tracker_node"))),
     ])
 }
@@ -180,7 +182,7 @@ fn commands_name_what_exists() {
                 ["cargo", "run", "--release", "--bin", name, rest @ ..] => {
                     checked += 1;
                     let Some(help) = programs.get(name) else {
-                        if cfg!(feature = "ros") || *name != "tracker_node" {
+                        if cfg!(feature = "ros") || !["tracker_demo", "tracker_node"].contains(name) {
                             told(format!("no program {name}"));
                         }
                         continue;

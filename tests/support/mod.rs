@@ -3,6 +3,7 @@
 #![allow(dead_code, unused_imports, reason = "each test binary uses its own part")]
 
 #[cfg(feature = "ros")]
+#[path = "../../src/bin/tracker_demo/domain.rs"]
 mod domain;
 mod environment;
 mod machine;

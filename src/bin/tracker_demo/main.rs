@@ -8,7 +8,6 @@
 
 mod animation;
 mod clip;
-#[path = "../../tests/support/domain.rs"]
 mod domain;
 mod link;
 mod report;
@@ -29,7 +28,10 @@ const NODE: &str = "run-node";
 const GRACE: Duration = Duration::from_secs(20);
 
 /// Plays a clip to the node over ROS 2, marks a person, and shows how she is followed.
+///
+/// The clip is read from assets/demo in the source tree that this program was built from.
 #[derive(Parser)]
+#[command(name = "tracker_demo", version)]
 struct Options {
     /// Folder for the annotated frames, the contact sheet and the moving picture.
     #[arg(long, default_value = "target/demo")]
@@ -66,6 +68,7 @@ fn main() -> ExitCode {
 }
 
 fn show(options: &Options) -> Result<(), Box<dyn Error>> {
+    println!("reading the clip");
     let frames = clip::frames();
     let marks = clip::marks();
     let mark = marks.first().and_then(|m| m.rect).ok_or("the first frame has no mark")?;
@@ -79,12 +82,13 @@ fn show(options: &Options) -> Result<(), Box<dyn Error>> {
             own.number
         }
     };
-    println!("ROS domain {domain}, on this machine only");
+    println!("starting the node in ROS domain {domain}, on this machine only");
     let node = Node::start(domain)?;
     let pace = Pace { rate: options.rate, in_step: options.in_step };
     let run = link::play(&frames, mark, pace, domain)?;
     node.stop()?;
 
+    println!("drawing the frames and the moving picture");
     let pictures = report::draw(&frames, &run.tracks, &options.output)?;
     print!("{}", report::summary(&run, &marks));
     println!("annotated frames: {}", options.output.display());

@@ -79,7 +79,10 @@ pub fn play(frames: &[RgbImage], mark: Rect, pace: Pace, domain: u16) -> Result<
                 link.marks.wait_for_subscription(&node).await;
                 link.tracks.wait_for_publisher(&node).await;
             };
+            println!("loading the network and waiting for the node to appear");
+            let begin = Instant::now();
             within(APPEAR, met).await.ok_or("the node did not appear")?;
+            println!("the node appeared after {:.1} s: sending the first frame", begin.elapsed().as_secs_f64());
             link.begin(&frames[0], mark).await?;
             link.go_on(frames).await
         };
@@ -115,13 +118,14 @@ impl Link {
                 break;
             }
         }
+        println!("marking the person in it");
         let [x_offset, y_offset, width, height] =
             [mark.x, mark.y, mark.w, mark.h].map(|v| (v / f64::from(self.shrink)).round() as u32);
         for _ in 0..CERTAIN_TRIES {
             sent(self.marks.publish(RegionOfInterest { x_offset, y_offset, height, width, do_rectify: false }))?;
             let followed = async { while self.next_answer().await.is_none_or(|(_, track)| track.is_none()) {} };
             if within(CERTAIN, followed).await.is_some() {
-                println!("marked {mark} in the first frame");
+                println!("the node follows {mark}: playing {} frames", self.published.len());
                 return Ok(());
             }
         }
