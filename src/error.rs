@@ -116,6 +116,9 @@ pub enum ParamsError {
     /// `NAME:=VALUE` without the `:=`, or with a value that is no YAML.
     #[error("'{text}' is not a parameter assignment: {source}")]
     Assignment { text: String, source: YamlError },
+    /// What should be a preset's name is none.
+    #[error("'{name}' is neither a file nor a preset; presets are {known}")]
+    Preset { name: String, known: String },
     /// A parameter file that cannot be read or understood.
     #[error("parameter file {}: {source}", path.display())]
     File { path: PathBuf, source: YamlError },

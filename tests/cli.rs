@@ -163,6 +163,7 @@ fn unusable_arguments_end_with_2_and_the_reason() {
     assert_refused(&track(dir.path(), &["-p", "seed:=-1"]), 2, "'seed' must be from");
     assert_refused(&track(dir.path(), &["--algorithm", "guess"]), 2, "'algorithm' must be one of");
     assert_refused(&track(dir.path(), &["--params", missing.to_str().unwrap()]), 2, &missing.display().to_string());
+    assert_refused(&track(dir.path(), &["--params", "fsat"]), 2, "presets are default, fast, ");
     assert_refused(&track(dir.path(), &["--colour"]), 2, "--colour");
 }
 

@@ -22,7 +22,7 @@ fn the_other_tracker_is_told_and_shown_alike() {
 
 #[test]
 fn what_moves_is_found_told_and_shown_without_a_mark() {
-    let log = scenario("found", &[], &["--ros-args", "--params-file", "params/maptrack.yaml"]);
+    let log = scenario("found", &[], &["--params", "maptrack"]);
     assert!(!log.contains("ERROR") && !log.contains("rustdds"), "{log}");
 }
 
@@ -233,6 +233,10 @@ fn a_start_that_cannot_be_is_one_line_and_an_exit_code() {
     assert!(code == Some(0) && text.contains("--params-file"), "{text}");
     let (code, text) = node(&["--version"], &[]);
     assert!(code == Some(0) && text.contains(env!("CARGO_PKG_VERSION")), "{text}");
+    let (code, text) = node(&["--list-presets"], &[]);
+    assert!(code == Some(0) && text.starts_with("default ") && text.contains("\nfast "), "{text}");
+    let (code, text) = node(&["--params", "fsat"], &[]);
+    assert!(code == Some(2) && text.contains("presets are default, fast, "), "{text}");
     let (code, _) = node(&["--nonsense"], &[]);
     assert_eq!(code, Some(2));
 }

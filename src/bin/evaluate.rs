@@ -4,10 +4,9 @@
 
 use std::process::ExitCode;
 
-use clap::Parser;
-use long_term_tracker::cli::{evaluate, exit};
+use long_term_tracker::cli::{arguments, evaluate, exit};
 
 fn main() -> ExitCode {
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
-    exit(evaluate::run(&evaluate::Args::parse(), &mut std::io::stdout().lock()))
+    exit(evaluate::run(&arguments(), &mut std::io::stdout().lock()))
 }

@@ -4,10 +4,9 @@
 
 use std::process::ExitCode;
 
-use clap::Parser;
-use long_term_tracker::cli::{exit, track};
+use long_term_tracker::cli::{arguments, exit, track};
 
 fn main() -> ExitCode {
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
-    exit(track::run(&track::Args::parse()))
+    exit(track::run(&arguments()))
 }

@@ -40,8 +40,8 @@ pub struct Args {
     /// A tracker to score. May be given several times.
     #[arg(long, value_name = "NAME")]
     algorithm: Vec<String>,
-    /// A ROS parameter file. May be given several times; each is scored separately.
-    #[arg(long, value_name = "FILE.yaml")]
+    /// A preset's name, or a ROS parameter file. May be given several times; each is scored separately.
+    #[arg(long, value_name = "PRESET|FILE.yaml")]
     params: Vec<PathBuf>,
     /// Sets a parameter for all setups; overrides files.
     #[arg(short = 'p', long = "param", value_name = "NAME:=VALUE", value_parser = assignment)]

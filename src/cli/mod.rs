@@ -18,6 +18,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap::{Arg, ArgAction, Parser};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 
 use crate::error::{NetworkError, ParamsError, StartError};
@@ -25,7 +26,7 @@ use crate::eval::dataset::DatasetError;
 use crate::eval::page::PageError;
 use crate::eval::peers::PeerError;
 use crate::eval::worlds::WorldsError;
-use crate::params::{Assignment, NodeName, Params, Phase, Value, file};
+use crate::params::{Assignment, NodeName, Params, Phase, Value, preset_list, preset_or_file};
 use crate::record::RecordError;
 use crate::replay::ReplayError;
 use crate::viewer::ListenError;
@@ -125,6 +126,19 @@ impl Error {
     }
 }
 
+/// The arguments of the process. `--list-presets` is answered at once, as `--help` is.
+pub fn arguments<A: Parser>() -> A {
+    const LIST: &str = "list-presets";
+    let list = Arg::new(LIST).long(LIST).exclusive(true).action(ArgAction::SetTrue);
+    let matches = A::command().arg(list.help("Lists the presets that --params knows")).get_matches();
+    if matches.get_flag(LIST) {
+        // A closed pipe is a reader who has seen enough.
+        let _ = io::stdout().write_all(preset_list().as_bytes());
+        std::process::exit(0);
+    }
+    A::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+}
+
 /// Says on standard error why a command failed; the code to exit with.
 pub fn exit(result: Result<(), Error>) -> ExitCode {
     match result {
@@ -141,13 +155,13 @@ pub fn tell(line: impl Display) {
     let _ = writeln!(io::stderr(), "{line}");
 }
 
-/// The default parameters with the changes of the files in order, then the algorithm, then single values: what
-/// comes later wins.
+/// The default parameters with the changes of the presets and files in order, then the algorithm, then single values:
+/// what comes later wins.
 pub fn params(files: &[impl AsRef<Path>], algorithm: Option<&str>, set: &[Assignment]) -> Result<Params, ParamsError> {
     let node = NodeName::default();
     let mut changes = Vec::new();
     for path in files.iter().map(AsRef::as_ref) {
-        let read = file(path, &node)?;
+        let read = preset_or_file(path, &node)?;
         if read.is_empty() {
             log::warn!("parameter file {}: it holds nothing for {}", path.display(), node.full());
         }

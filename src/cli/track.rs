@@ -60,8 +60,8 @@ pub struct Args {
     /// The tracker to use; the same as -p algorithm:=NAME.
     #[arg(long, value_name = "NAME")]
     algorithm: Option<String>,
-    /// A ROS parameter file. May be given several times; later files override earlier ones.
-    #[arg(long, value_name = "FILE.yaml")]
+    /// A preset's name, or a ROS parameter file. May be given several times; later ones override earlier ones.
+    #[arg(long, value_name = "PRESET|FILE.yaml")]
     params: Vec<PathBuf>,
     /// Sets a parameter; overrides files.
     #[arg(short = 'p', long = "param", value_name = "NAME:=VALUE", value_parser = assignment)]

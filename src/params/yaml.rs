@@ -25,7 +25,12 @@ pub fn assignment(text: &str) -> Result<Assignment, ParamsError> {
 pub fn file(path: &Path, node: &NodeName) -> Result<Vec<Assignment>, ParamsError> {
     let mut overrides = Overrides::default();
     overrides.read(path)?;
-    Ok(overrides.of(node).into_iter().map(|o| (o.name.clone(), o.value())).collect())
+    Ok(assignments(&overrides, node))
+}
+
+/// The parameters of the node.
+pub(super) fn assignments(overrides: &Overrides, node: &NodeName) -> Vec<Assignment> {
+    overrides.of(node).into_iter().map(|o| (o.name.clone(), o.value())).collect()
 }
 
 /// A parameter file for every node that sets each parameter to its value in `params`, with what the parameter

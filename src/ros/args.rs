@@ -11,14 +11,14 @@ use log::LevelFilter;
 
 use super::fault::Fault;
 use super::names::{Rule, is_namespace};
-use crate::params::Overrides;
+use crate::params::{Overrides, Preset};
 
 /// Follows the targets you mark in a camera stream.
 #[derive(Parser, Debug)]
 #[command(
     name = "tracker_node",
     version,
-    override_usage = "tracker_node [--ros-args [ROS ARGUMENTS]... [--]]",
+    override_usage = "tracker_node [--params PRESET|FILE.yaml]... [--ros-args [ROS ARGUMENTS]... [--]]",
     after_help = "ROS arguments:\n  \
         -r, --remap FROM:=TO           Rename a topic or service; __ns:=/NS and __node:=NAME rename the node\n  \
         -p, --param NAME:=VALUE        Set a parameter\n      \
@@ -29,7 +29,15 @@ use crate::params::Overrides;
         --disable-external-lib-logs  Do not write a log file\n      \
         --log-file-name NAME       Prefix of the log file's name"
 )]
-struct Own {}
+struct Own {
+    /// A preset's name, or a ROS parameter file. May be given several times; later ones override earlier ones, and ROS
+    /// arguments override them all.
+    #[arg(long, value_name = "PRESET|FILE.yaml")]
+    params: Vec<PathBuf>,
+    /// Lists the presets that --params knows.
+    #[arg(long)]
+    list_presets: bool,
+}
 
 /// All that the command line says.
 #[derive(Debug, Default)]
@@ -55,6 +63,8 @@ pub struct Args {
 /// One source of parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ParameterSource {
+    /// A preset.
+    Preset(&'static Preset),
     /// A ROS parameter file.
     File(PathBuf),
     /// `[NODE:]NAME:=VALUE`.
@@ -64,6 +74,8 @@ pub enum ParameterSource {
 /// Why there are no arguments to go on with.
 #[derive(Debug)]
 pub enum Stop {
+    /// The list of presets was asked for.
+    Presets,
     /// Help or version was asked for, or an argument outside `--ros-args` is unknown.
     Clap(clap::Error),
     /// A ROS argument cannot be used.
@@ -89,12 +101,20 @@ pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Args, Stop> {
             (_, false) => own.push(arg),
         }
     }
-    Own::try_parse_from(own).map_err(Stop::Clap)?;
-    Ok(parse_ros(ros)?)
+    let own = Own::try_parse_from(own).map_err(Stop::Clap)?;
+    if own.list_presets {
+        return Err(Stop::Presets);
+    }
+    let mut args = Args { parameters: own.params.into_iter().map(named).collect::<Result<_, _>>()?, ..Args::default() };
+    parse_ros(ros, &mut args)?;
+    Ok(args)
 }
 
-fn parse_ros(words: Vec<String>) -> Result<Args, Fault> {
-    let mut args = Args::default();
+fn named(source: PathBuf) -> Result<ParameterSource, Fault> {
+    Ok(Preset::named(&source)?.map_or(ParameterSource::File(source), ParameterSource::Preset))
+}
+
+fn parse_ros(words: Vec<String>, args: &mut Args) -> Result<(), Fault> {
     let mut words = words.into_iter();
     while let Some(flag) = words.next() {
         let mut value = || {
@@ -124,7 +144,7 @@ fn parse_ros(words: Vec<String>) -> Result<Args, Fault> {
             }
         }
     }
-    Ok(args)
+    Ok(())
 }
 
 /// An assignment that can be understood; what it means may depend on those before it.
@@ -172,6 +192,7 @@ mod tests {
         match args(line).unwrap_err() {
             Stop::Fault(fault) => fault.to_string(),
             Stop::Clap(error) => error.to_string(),
+            Stop::Presets => panic!("{line}: the presets"),
         }
     }
 
@@ -185,6 +206,17 @@ mod tests {
         assert_eq!(got.parameters, want);
         assert_eq!(got.enclave.as_deref(), Some("/e"));
         assert!(fault("node --ros-args -- -r a:=b").contains("-r"), "outside the block");
+    }
+
+    #[test]
+    fn presets_and_files_stand_before_ros_arguments_and_give_way_to_them() {
+        let got = args("node --ros-args -p seed:=1 -- --params fast --params ./fast").unwrap();
+        let [ParameterSource::Preset(fast), file, seed] = got.parameters.as_slice() else { panic!("{got:?}") };
+        assert_eq!(fast.name, "fast");
+        assert_eq!(*file, ParameterSource::File("./fast".into()));
+        assert_eq!(*seed, ParameterSource::Assignment("seed:=1".to_owned()));
+        assert!(fault("node --params fsat").contains("'fsat' is neither a file nor a preset"));
+        assert!(matches!(args("node --list-presets"), Err(Stop::Presets)));
     }
 
     #[test]

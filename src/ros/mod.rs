@@ -55,9 +55,11 @@ pub mod waiting;
 pub mod worker;
 
 use std::ffi::OsString;
+use std::io::{self, Write as _};
 use std::process::ExitCode;
 
 pub use crate::messages::{self, convert};
+use crate::params::preset_list;
 
 /// Runs the node with the arguments of a process, the first being the program's name, until a signal ends it.
 ///
@@ -70,6 +72,10 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
             // Help and version go to standard output with code 0, all else to standard error with code 2.
             let _ = error.print();
             return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+        }
+        Err(args::Stop::Presets) => {
+            let _ = io::stdout().write_all(preset_list().as_bytes());
+            return ExitCode::SUCCESS;
         }
         Err(args::Stop::Fault(fault)) => return fault.report(),
     };

@@ -195,6 +195,7 @@ impl NodeSettings {
                         warn!("{}", nothing_for(node, path, &named));
                     }
                 }
+                ParameterSource::Preset(preset) => overrides.read_preset(preset)?,
                 ParameterSource::Assignment(text) => overrides.assign(text)?,
             }
         }

@@ -18,7 +18,7 @@ use std::rc::Rc;
 
 pub use yaml_events::Place;
 
-use super::{NodeName, Value, ValueKind, descriptor};
+use super::{NodeName, Preset, Value, ValueKind, descriptor};
 use crate::error::{ParamsError, YamlError};
 
 /// The key under which a node's parameters stand.
@@ -101,8 +101,18 @@ impl Overrides {
     pub fn read(&mut self, path: &Path) -> Result<Vec<String>, ParamsError> {
         let wrong = |source| ParamsError::File { path: PathBuf::from(path), source };
         let text = text::read(path).map_err(wrong)?;
+        self.take(path, &text)
+    }
+
+    /// Takes in a preset.
+    pub fn read_preset(&mut self, preset: &Preset) -> Result<(), ParamsError> {
+        self.take(Path::new(preset.name), preset.text).map(drop)
+    }
+
+    fn take(&mut self, path: &Path, text: &str) -> Result<Vec<String>, ParamsError> {
+        let wrong = |source| ParamsError::File { path: PathBuf::from(path), source };
         let origin = Origin { file: Some(path.into()), place: None };
-        let mut named = events::file(&text, origin, self).map_err(wrong)?;
+        let mut named = events::file(text, origin, self).map_err(wrong)?;
         named.sort_unstable();
         named.dedup();
         Ok(named.iter().map(|n| self.nodes[*n].key.to_string()).collect())

@@ -1,0 +1,57 @@
+//! What the programs know of themselves wherever they are installed: their presets.
+
+use std::process::Command;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+const PROGRAMS: &[(&str, &str)] = &[
+    ("track", env!("CARGO_BIN_EXE_track")),
+    ("evaluate", env!("CARGO_BIN_EXE_evaluate")),
+    #[cfg(feature = "ros")]
+    ("tracker_node", env!("CARGO_BIN_EXE_tracker_node")),
+    #[cfg(feature = "ros")]
+    ("tracker_demo", env!("CARGO_BIN_EXE_tracker_demo")),
+];
+
+/// Exit code, standard output and standard error of a program that is started in a folder of its own.
+fn run(program: &str, args: &[&str]) -> (Option<i32>, String, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(program).current_dir(folder.path()).args(args).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+#[test]
+fn a_presets_name_stands_for_its_file() {
+    let clip = format!("{ROOT}/assets/demo");
+    let track = |preset: &str| {
+        let args = [clip.as_str(), "--init", "528,182,31,101", "--params", preset];
+        let (code, rows, said) = run(env!("CARGO_BIN_EXE_track"), &args);
+        assert_eq!(code, Some(0), "{said}");
+        rows
+    };
+    let rows = track("fast");
+    assert_eq!(rows, track(&format!("{ROOT}/params/fast.yaml")));
+    assert_ne!(rows, track("etepf"));
+}
+
+#[test]
+fn presets_are_listed_without_other_arguments() {
+    for (name, program) in PROGRAMS.iter().filter(|(name, _)| *name != "tracker_demo") {
+        let (code, list, said) = run(program, &["--list-presets"]);
+        assert_eq!(code, Some(0), "{name}: {said}");
+        let presets: Vec<_> = list.lines().filter_map(|line| line.split_whitespace().next()).collect();
+        assert_eq!(presets, ["default", "fast", "matching", "paper", "etepf", "maptrack", "maptrack_near"], "{name}");
+    }
+}
+
+#[test]
+fn a_preset_that_there_is_not_is_answered_with_those_there_are() {
+    let args = |name| if name == "tracker_node" { &["--params", "fsat"][..] } else { &[".", "--params", "fsat"] };
+    for (name, program) in PROGRAMS.iter().filter(|(name, _)| *name != "tracker_demo") {
+        let (code, _, said) = run(program, args(*name));
+        assert_eq!(code, Some(2), "{name}: {said}");
+        let why = "error: 'fsat' is neither a file nor a preset; presets are default, fast, ";
+        assert!(said.starts_with(why) && said.lines().count() == 1, "{name}: {said}");
+    }
+}
