@@ -1,8 +1,9 @@
-//! What the programs know of themselves wherever they are installed: their presets.
+//! What the programs know of themselves wherever they are installed: their presets and their version.
 
 use std::process::Command;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 const PROGRAMS: &[(&str, &str)] = &[
     ("track", env!("CARGO_BIN_EXE_track")),
@@ -53,5 +54,28 @@ fn a_preset_that_there_is_not_is_answered_with_those_there_are() {
         assert_eq!(code, Some(2), "{name}: {said}");
         let why = "error: 'fsat' is neither a file nor a preset; presets are default, fast, ";
         assert!(said.starts_with(why) && said.lines().count() == 1, "{name}: {said}");
+    }
+}
+
+#[test]
+fn the_version_tells_the_commit_and_the_features() {
+    let wanted = [
+        ("humble", cfg!(all(feature = "humble", not(feature = "jazzy")))),
+        ("jazzy", cfg!(all(feature = "jazzy", not(feature = "kilted")))),
+        ("no ros", cfg!(not(feature = "ros"))),
+        ("onnxruntime", cfg!(feature = "onnxruntime")),
+        ("viewer", cfg!(feature = "viewer")),
+    ];
+    for (name, program) in PROGRAMS {
+        let (code, said, _) = run(program, &["--version"]);
+        assert_eq!(code, Some(0), "{name}");
+        let rest = said.strip_prefix(&format!("{name} {VERSION} (commit ")).and_then(|rest| rest.strip_suffix(")\n"));
+        let (commit, features) =
+            rest.and_then(|rest| rest.split_once("; features: ")).unwrap_or_else(|| panic!("{said}"));
+        let hash = commit.trim_end_matches("-dirty");
+        assert!(hash == "unknown" || hash.len() >= 12 && hash.chars().all(|c| c.is_ascii_hexdigit()), "{said}");
+        for (feature, is_on) in wanted {
+            assert_eq!(features.split(", ").any(|word| word == feature), is_on, "{feature}: {said}");
+        }
     }
 }

@@ -32,7 +32,7 @@ use crate::params::{Assignment, Value, assignment};
 /// sequences run at once, without a network's own threads). Exit codes: 0 done, 1 a sequence failed, 2 unusable
 /// arguments.
 #[derive(Debug, Parser)]
-#[command(name = "evaluate", version)]
+#[command(name = "evaluate", version = env!("PACKAGE_VERSION"))]
 pub struct Args {
     /// A folder of sequences. Each is a folder with images, in img/ or not, a groundtruth_rect.txt (x,y,w,h per row,
     /// NaN = not in view) and, if known, an occlusion.txt (the occluded share of the box, one row per frame).

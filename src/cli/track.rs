@@ -43,7 +43,7 @@ use crate::viewer::Hub;
 /// frame (from 1),id,x,y,w,h,confidence,-1,-1,-1; a lost target has no row. The last line on standard error gives the
 /// speed. Exit codes: 0 done, 1 failed while running, 2 unusable arguments.
 #[derive(Debug, Parser)]
-#[command(name = "track", version)]
+#[command(name = "track", version = env!("PACKAGE_VERSION"))]
 pub struct Args {
     /// A folder of images (JPEG, PNG, BMP, TIFF, WebP, PGM, PPM; in the order of the numbers in their names), or a
     /// folder with images in img/; or a rosbag2 recording: its folder, or one of its files (.mcap, .db3). Several

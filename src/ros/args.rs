@@ -17,7 +17,7 @@ use crate::params::{Overrides, Preset};
 #[derive(Parser, Debug)]
 #[command(
     name = "tracker_node",
-    version,
+    version = env!("PACKAGE_VERSION"),
     override_usage = "tracker_node [--params PRESET|FILE.yaml]... [--ros-args [ROS ARGUMENTS]... [--]]",
     after_help = "ROS arguments:\n  \
         -r, --remap FROM:=TO           Rename a topic or service; __ns:=/NS and __node:=NAME rename the node\n  \

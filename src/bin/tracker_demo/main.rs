@@ -31,7 +31,7 @@ const GRACE: Duration = Duration::from_secs(20);
 ///
 /// The clip is read from assets/demo in the source tree that this program was built from.
 #[derive(Parser)]
-#[command(name = "tracker_demo", version)]
+#[command(name = "tracker_demo", version = env!("PACKAGE_VERSION"))]
 struct Options {
     /// Folder for the annotated frames, the contact sheet and the moving picture.
     #[arg(long, default_value = "target/demo")]
