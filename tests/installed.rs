@@ -1,5 +1,7 @@
 //! What the programs know of themselves wherever they are installed: their presets and their version.
 
+use std::fs;
+use std::path::Path;
 use std::process::Command;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
@@ -77,5 +79,28 @@ fn the_version_tells_the_commit_and_the_features() {
         for (feature, is_on) in wanted {
             assert_eq!(features.split(", ").any(|word| word == feature), is_on, "{feature}: {said}");
         }
+    }
+}
+
+#[test]
+fn every_file_that_the_debian_package_takes_is_there() {
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.current_dir(ROOT).args(["metadata", "--no-deps", "--offline", "--format-version=1"]);
+    let metadata: serde_json::Value = serde_json::from_slice(&cargo.output().unwrap().stdout).unwrap();
+    let packages = metadata["packages"].as_array().unwrap();
+    let package = packages.iter().find(|package| package["name"] == "long_term_tracker").unwrap();
+    let assets = package["metadata"]["deb"]["assets"].as_array().unwrap();
+    let sources: Vec<&str> = assets.iter().map(|asset| asset[0].as_str().unwrap()).collect();
+    for source in &sources {
+        let path = match source.strip_prefix("target/release/") {
+            Some(program) => format!("src/bin/{program}.rs"),
+            None => source.trim_end_matches("/*").to_owned(),
+        };
+        assert!(Path::new(ROOT).join(&path).exists(), "{path}");
+    }
+    // What the ROS package is made of.
+    let cmake = fs::read_to_string(Path::new(ROOT).join("CMakeLists.txt")).unwrap();
+    for part in ["msg/*", "launch/*", "params/*", "examples/follow.py", "LICENSE", "NOTICE", "THIRD_PARTY.md"] {
+        assert!(sources.contains(&part) && cmake.contains(part.trim_end_matches("/*")), "{part}");
     }
 }
