@@ -83,6 +83,17 @@ fn the_version_tells_the_commit_and_the_features() {
 }
 
 #[test]
+fn the_package_has_one_version() {
+    let read = |file| fs::read_to_string(Path::new(ROOT).join(file)).unwrap();
+    assert!(read("package.xml").contains(&format!("<version>{VERSION}</version>")));
+    assert!(read("CITATION.cff").contains(&format!("\nversion: {VERSION}\n")));
+    let changes = read("CHANGELOG.md");
+    let released = changes.lines().find_map(|line| line.strip_prefix("## [")?.split_once("] - ")).unwrap();
+    assert_eq!(released.0, VERSION);
+    assert!(released.1.len() == "2026-11-30".len(), "{}", released.1);
+}
+
+#[test]
 fn every_file_that_the_debian_package_takes_is_there() {
     let mut cargo = Command::new(env!("CARGO"));
     cargo.current_dir(ROOT).args(["metadata", "--no-deps", "--offline", "--format-version=1"]);
