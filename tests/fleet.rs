@@ -212,7 +212,7 @@ fn every_tracker_follows_fleets() {
 #[test]
 #[ignore = "installs Ray, which takes up to minutes: run it with --ignored"]
 fn the_rows_of_machines_are_those_of_one_though_another_is_lost() {
-    let python = venv::python("ray", "tests/peer/requirements-ray.txt");
+    let python = venv::python("ray", "tests/peer/requirements-ray.txt", None);
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
     let all: Vec<String> = (0..8).map(|i| format!("r{i}")).collect();

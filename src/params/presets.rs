@@ -50,7 +50,7 @@ impl Preset {
 pub fn preset_or_file(source: &Path, node: &NodeName) -> Result<Vec<Assignment>, ParamsError> {
     let Some(preset) = Preset::named(source)? else { return yaml::file(source, node) };
     let mut overrides = Overrides::default();
-    overrides.read_preset(preset)?;
+    overrides.take(Path::new(preset.name), preset.text)?;
     Ok(yaml::assignments(&overrides, node))
 }
 

@@ -195,7 +195,7 @@ impl NodeSettings {
                         warn!("{}", nothing_for(node, path, &named));
                     }
                 }
-                ParameterSource::Preset(preset) => overrides.read_preset(preset)?,
+                ParameterSource::Preset(preset) => drop(overrides.take(Path::new(preset.name), preset.text)?),
                 ParameterSource::Assignment(text) => overrides.assign(text)?,
             }
         }

@@ -18,7 +18,7 @@ use std::rc::Rc;
 
 pub use yaml_events::Place;
 
-use super::{NodeName, Preset, Value, ValueKind, descriptor};
+use super::{NodeName, Value, ValueKind, descriptor};
 use crate::error::{ParamsError, YamlError};
 
 /// The key under which a node's parameters stand.
@@ -104,12 +104,8 @@ impl Overrides {
         self.take(path, &text)
     }
 
-    /// Takes in a preset.
-    pub fn read_preset(&mut self, preset: &Preset) -> Result<(), ParamsError> {
-        self.take(Path::new(preset.name), preset.text).map(drop)
-    }
-
-    fn take(&mut self, path: &Path, text: &str) -> Result<Vec<String>, ParamsError> {
+    /// Takes in the text of a parameter file that errors call `path`. Gives the keys of the nodes that it names.
+    pub fn take(&mut self, path: &Path, text: &str) -> Result<Vec<String>, ParamsError> {
         let wrong = |source| ParamsError::File { path: PathBuf::from(path), source };
         let origin = Origin { file: Some(path.into()), place: None };
         let mut named = events::file(text, origin, self).map_err(wrong)?;
