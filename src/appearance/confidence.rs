@@ -94,7 +94,7 @@ impl Confidence {
     }
 
     /// What remains of a probability where the target is lost.
-    fn discounted(&self, probability: f64) -> f64 {
+    pub fn discounted(&self, probability: f64) -> f64 {
         if self.state == State::Lost { LOST_SHARE * probability } else { probability }
     }
 

@@ -6,6 +6,8 @@
 //! length `1 / sqrt 2`, followed by its LUV colours and gradient magnitudes, scaled likewise: unit vectors, for which a
 //! Gaussian kernel of `gamma` near 1 is neither flat nor a lookup table.
 
+use std::ops::Range;
+
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -25,6 +27,8 @@ const MARGIN: usize = 1;
 const MAX_TEMPLATE_ASPECT: f64 = 4.0;
 /// Proposals that overlap a better one by more than this are the same place.
 const SAME_PLACE_IOU: f64 = 0.5;
+/// Sides of the area in which [`Detector::search`] puts centres of targets, in target sizes.
+pub const SEARCHED: f64 = 5.0;
 /// Channels of the second block: LUV and gradient magnitude.
 const COLOUR_CHANNELS: usize = luv::CHANNELS;
 
@@ -80,8 +84,32 @@ pub struct Detector {
     places: Vec<Rect>,
     scores: Vec<f64>,
     order: Vec<usize>,
-    example: Vec<f32>,
+    example: Example,
     negatives: Vec<usize>,
+}
+
+/// The feature vector of a place: gradients (HOG), then colours (LUV and gradient magnitude), each of length
+/// `1 / sqrt 2`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Example(Vec<f32>);
+
+impl Example {
+    /// Becomes the mean of itself, counting for `count` examples, and another one.
+    pub fn take_in(&mut self, other: &Self, count: u32) {
+        self.0.resize(other.0.len(), 0.0);
+        let share = 1.0 / (count + 1) as f32;
+        self.0.iter_mut().zip(&other.0).for_each(|(mean, new)| *mean += share * (new - *mean));
+    }
+
+    /// The cosines between two examples of one detector, in gradients and in colours.
+    pub fn cosines(&self, other: &Self) -> [f64; 2] {
+        let gradients = self.0.len() / (hog::CHANNELS + COLOUR_CHANNELS) * hog::CHANNELS;
+        let cosine = |range: Range<usize>| {
+            let products = self.0[range.clone()].iter().zip(&other.0[range]);
+            2.0 * f64::from(products.map(|(a, b)| a * b).sum::<f32>())
+        };
+        [cosine(0..gradients), cosine(gradients..self.0.len())]
+    }
 }
 
 /// The feature maps of an area around a target, on cells of which `rows x cols` make up the target.
@@ -120,7 +148,7 @@ impl Detector {
             places: Vec::new(),
             scores: Vec::new(),
             order: Vec::new(),
-            example: Vec::with_capacity(dim),
+            example: Example(Vec::with_capacity(dim)),
             negatives: Vec::new(),
         }
     }
@@ -145,7 +173,7 @@ impl Detector {
             let shift = if i == 0 { [0.0; 2] } else { [(); 2].map(|()| self.rng.random_range(-reach..=reach)) };
             let place = target.shifted(shift[0] * target.w, shift[1] * target.h);
             self.example_at(frame, cropper, &place);
-            self.svm.add(&self.example, true);
+            self.svm.add(&self.example.0, true);
         }
         self.grid.compute(frame, cropper, target, [self.rows, self.cols], self.settings.learn_extent);
         self.negatives.clear();
@@ -158,16 +186,48 @@ impl Detector {
             }
             let chosen = self.rng.random_range(0..self.negatives.len());
             let window = self.negatives.swap_remove(chosen);
-            self.example.clear();
-            self.grid.append(window, [self.rows, self.cols], &mut self.example);
-            self.svm.add(&self.example, false);
+            self.example.0.clear();
+            self.grid.append(window, [self.rows, self.cols], &mut self.example.0);
+            self.svm.add(&self.example.0, false);
         }
     }
 
     /// The decision value for what `target` shows: positive where it looks like the target.
     pub fn margin(&mut self, frame: &Frame, cropper: &mut Cropper, target: &Rect) -> f64 {
         self.example_at(frame, cropper, target);
-        self.svm.margin(&self.example)
+        self.svm.margin(&self.example.0)
+    }
+
+    /// What `target` shows, as a feature vector.
+    pub fn see(&mut self, frame: &Frame, cropper: &mut Cropper, target: &Rect) -> &Example {
+        self.example_at(frame, cropper, target);
+        &self.example
+    }
+
+    /// The place of the size of `target` that `rank` puts highest, and its rank, among those around it: their centres
+    /// lie in an area of [`SEARCHED`] times the target's size. `None` where no centre is in view.
+    pub fn search(
+        &mut self,
+        frame: &Frame,
+        cropper: &mut Cropper,
+        target: &Rect,
+        rank: impl Fn(&Example) -> f64,
+    ) -> Option<(Rect, f64)> {
+        let template = [self.rows, self.cols];
+        self.grid.compute(frame, cropper, target, template, SEARCHED + 1.0);
+        let mut best: Option<(Rect, f64)> = None;
+        for window in 0..self.grid.across * self.grid.down {
+            let place = self.grid.place(window, template);
+            if frame.holds(place.centre()) {
+                self.example.0.clear();
+                self.grid.append(window, template, &mut self.example.0);
+                let rank = rank(&self.example);
+                if best.is_none_or(|(_, best)| rank > best) {
+                    best = Some((place, rank));
+                }
+            }
+        }
+        best
     }
 
     /// Writes the best places for a target of the size of `target` around its centre to `proposals`, best first; no
@@ -179,11 +239,9 @@ impl Detector {
         self.candidates.clear();
         self.places.clear();
         self.scores.clear();
-        let (width, height) = (f64::from(frame.width()), f64::from(frame.height()));
         for window in 0..self.grid.across * self.grid.down {
             let place = self.grid.place(window, template);
-            let [x, y] = place.centre();
-            if (0.0..width).contains(&x) && (0.0..height).contains(&y) {
+            if frame.holds(place.centre()) {
                 self.grid.append(window, template, &mut self.candidates);
                 self.places.push(place);
                 if self.places.len() - self.scores.len() == BLOCK {
@@ -216,8 +274,8 @@ impl Detector {
     /// Fills `example` with the feature vector of what `place` shows.
     fn example_at(&mut self, frame: &Frame, cropper: &mut Cropper, place: &Rect) {
         self.grid.compute(frame, cropper, place, [self.rows, self.cols], 1.0);
-        self.example.clear();
-        self.grid.append(0, [self.rows, self.cols], &mut self.example);
+        self.example.0.clear();
+        self.grid.append(0, [self.rows, self.cols], &mut self.example.0);
     }
 }
 

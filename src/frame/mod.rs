@@ -133,6 +133,11 @@ impl<'a> Frame<'a> {
         Rect::new(0.0, 0.0, f64::from(self.width()), f64::from(self.height()))
     }
 
+    /// Whether a point lies in the image.
+    pub fn holds(&self, [x, y]: [f64; 2]) -> bool {
+        (0.0..f64::from(self.width())).contains(&x) && (0.0..f64::from(self.height())).contains(&y)
+    }
+
     /// The point of the image that is nearest to `point`.
     pub fn nearest(&self, point: [f64; 2]) -> [f64; 2] {
         [point[0].clamp(0.0, f64::from(self.width())), point[1].clamp(0.0, f64::from(self.height()))]

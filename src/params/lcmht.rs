@@ -193,6 +193,7 @@ group! {
         lost: f64 = 0.35, in 0.0..=10.0, is Basic; "Mean response over UNCERTAIN frames below which the target is LOST and re-detection begins."
         patience: i64 = 5, in 0..=1000, unit "frames", is Basic; "Minimum number of UNCERTAIN frames before the target can be LOST."
         reacquire: f64 = 0.6, in 0.0..=10.0; "Response needed to re-acquire a lost target at a position proposed by the detector. At the predicted position `lcmht.confidence.activate` is enough."
+        looks: i64 = 10, in 0..=1000; "Number of first looks at the target that every frame is compared with. A target that is not recognised by them is UNCERTAIN, is not re-acquired, and has a low confidence. 0 turns this off: the response alone decides, as in the paper."
         train: f64 = 0.6, in 0.0..=10.0; "Response above which the detector is trained (T_td)."
         relative: bool = true, is Ablation; "Measures responses relative to the target's usual response; otherwise the thresholds are absolute, as in the paper."
         gate: bool = true, is Ablation; "Learns only while the target is TRACKING; otherwise in every frame, as in the paper's Algorithm 1."
@@ -214,6 +215,7 @@ group! {
     /// The online support vector machine that re-detects.
     pub struct LcmhtSvm at "lcmht.svm." {
         scan_extent: f64 = 6.0, in 1.5..=16.0, unit "target sizes", is Basic; "Side of the area that is searched for a lost target."
+        areas: i64 = 6, in 0..=100; "Number of areas of the image that are searched per frame for a lost target, beyond its surroundings. An area takes about 1 ms; large targets need few, and the whole image is searched in 20 frames or more. 0 searches only the surroundings, as in the paper; `lcmht.confidence.looks` must not be 0."
         opinion: f64 = 0.3, in 0.0..=10.0; "How much a negative SVM margin lowers the response, per unit of margin, in every frame. 0 uses the detector only for lost targets, as in the paper."
         least_margin: f64 = 0.0, in -100.0..=100.0, is Ablation; "SVM margin below which a lost target is not re-acquired, whatever its response."
         interval: i64 = 1, in 1..=1000, is Ablation; "Number of filter updates per training of the detector."

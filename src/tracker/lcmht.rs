@@ -12,18 +12,23 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `lcmht/target.rs` | one target, and Algorithm 1 |
+//! | `lcmht/target/redetect.rs` | how a lost target is found again |
+//! | `lcmht/judge.rs` | whether what is followed is still the target that was marked |
 //! | `lcmht/settings.rs` | what the parameters make of the parts |
 //! | `lcmht/matching.rs` | what matching networks say of the target, and how far they are believed |
 //! | `lcmht/motion.rs` | the motion model and the GM-PHD filter (eqs 17 to 24) |
 //! | `lcmht/neighbours.rs` | what looks like the target, so that it is not taken for it |
+//! | `lcmht/sweep.rs` | which part of the image a lost target is searched for in next |
 //! | `lcmht/turn.rs` | how far the picture is turned that the target is looked for in |
 //! | `appearance/` | the layers, the response of the filters to them (eqs 1 to 9), and the states that follow from it |
 //! | `detect/online.rs` | the support vector machine (eqs 10 to 16) |
 
+mod judge;
 mod matching;
 mod motion;
 mod neighbours;
 mod settings;
+mod sweep;
 mod target;
 #[cfg(test)]
 mod tests;

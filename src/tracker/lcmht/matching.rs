@@ -183,6 +183,16 @@ impl Matching {
         1.0 / (1.0 + (-evidence).exp())
     }
 
+    /// How sure the networks are of the best place that they saw in the last look.
+    pub fn best_score(&self) -> f64 {
+        self.matcher.matches().iter().map(|seen| seen.score).fold(0.0, f64::max)
+    }
+
+    /// How sure they were of the best other place, less the longer that is ago.
+    pub fn rival(&self) -> f64 {
+        self.rival
+    }
+
     /// Whether a lost target of size `size` may be taken up at `place` on the networks' word.
     pub fn vouches_for(&self, place: [f64; 2], size: [f64; 2]) -> bool {
         self.at(place, size).is_some_and(|seen| seen.score > VOUCHED)

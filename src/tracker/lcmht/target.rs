@@ -1,13 +1,16 @@
 //! One target, followed from frame to frame by Algorithm 1.
 
+mod redetect;
+
 use std::sync::Arc;
 
+use super::judge::Judge;
 use super::matching::Matching;
 use super::motion::TargetMotion;
 use super::neighbours::{LEAST_FIT, Neighbours};
 use super::settings;
+use super::sweep::Sweep;
 use super::turn::{self, Fit, Turn};
-use crate::appearance::matching::Match;
 use crate::appearance::{Answer, Appearance};
 use crate::crop::Cropper;
 use crate::detect::online::Detector;
@@ -23,6 +26,8 @@ use crate::tracker::{State, Target};
 const ALTERNATIVE: f64 = 0.25;
 /// Distance in target sizes from which on two expected places are looked at one by one.
 const OTHER_PLACE: f64 = 0.1;
+/// Distance in target sizes from which on an answer is of something else.
+const ELSEWHERE: f64 = 0.5;
 /// Margin above which a peak is taken for a neighbour.
 const ALIKE: f64 = 0.0;
 
@@ -38,6 +43,8 @@ pub(super) struct LcmhtTarget {
     motion: TargetMotion,
     neighbours: Neighbours,
     detector: Detector,
+    judge: Judge,
+    sweep: Sweep,
     proposals: Vec<Proposal>,
     response: f64,
     /// The response as far as the detector lets it count.
@@ -97,7 +104,7 @@ impl Followed for LcmhtTarget {
             velocity: if self.blind { [0.0; 2] } else { self.motion.velocity() },
             confidence: self.confidence() as f32,
             response: self.response as f32,
-            state: self.appearance.state(),
+            state: self.state(),
             reacquired: self.reacquired,
             age: self.age,
             lost_for: self.lost_for,
@@ -120,6 +127,10 @@ impl LcmhtTarget {
         let matching = networks.matching.map(|network| Matching::new(network, frame, cropper, &rect));
         let mut detector = Detector::new(settings::detector(&params.svm), &rect, seed);
         detector.learn(frame, cropper, &rect);
+        let mut judge = Judge::new(params.confidence.looks as u32);
+        if judge.learns() {
+            judge.learn(detector.see(frame, cropper, &rect));
+        }
         Self {
             id,
             rect,
@@ -129,6 +140,8 @@ impl LcmhtTarget {
             motion: TargetMotion::new(&params.motion, &rect, frame.bounds().area()),
             neighbours: Neighbours::new(&params.neighbours),
             detector,
+            judge,
+            sweep: Sweep::default(),
             proposals: Vec::new(),
             response,
             judged: response,
@@ -142,9 +155,20 @@ impl LcmhtTarget {
         }
     }
 
+    /// The state that is reported: a target that the judge does not know is not tracked.
+    fn state(&self) -> State {
+        match self.appearance.state() {
+            State::Tracking if !self.judge.is_sure() => State::Uncertain,
+            state => state,
+        }
+    }
+
     /// What is reported: where there are matching networks, the probability that filter and networks agree on.
     fn confidence(&self) -> f64 {
         let confidence = &self.appearance.confidence;
+        if self.judge.is_asked() && self.params.confidence.calibrated {
+            return confidence.discounted(self.judge.probability());
+        }
         match &self.matching {
             Some(_) => confidence.reported_probability(self.judged),
             None => confidence.reported(self.judged),
@@ -178,16 +202,16 @@ impl LcmhtTarget {
         trace.event(Event::Prediction(Rect::around(expected.place, self.rect.size())));
         self.blind = self.appearance.correlator.is_blank();
         self.look_turned(frame, cropper);
-        self.match_there(frame, cropper);
+        self.match_there(frame, cropper, self.rect.size());
         self.appearance.correlator.show(trace);
         expected
     }
 
     /// Looks for the target by the matching networks where the filter looked.
-    fn match_there(&mut self, frame: &Frame, cropper: &mut Cropper) {
+    fn match_there(&mut self, frame: &Frame, cropper: &mut Cropper, size: [f64; 2]) {
         if let Some(matching) = &mut self.matching {
             let correlator = &mut self.appearance.correlator;
-            matching.look(&self.params.matching, frame, cropper, self.rect.size(), correlator);
+            matching.look(&self.params.matching, frame, cropper, size, correlator);
         }
     }
 
@@ -245,7 +269,8 @@ impl LcmhtTarget {
         }
         trace.event(Event::Thresholds { id: &self.id, thresholds: self.appearance.confidence.thresholds() });
         let opinion = self.opinion(&answer, frame, cropper);
-        let judged = self.agreed(&answer) * opinion;
+        self.ask(&answer, self.rect.size(), frame, cropper);
+        let judged = self.agreed(&answer, self.rect.size()) * opinion;
         let before = self.appearance.state();
         let state = self.appearance.confidence.assess_as(judged, answer.response * opinion);
         if state == State::Tracking {
@@ -281,11 +306,11 @@ impl LcmhtTarget {
     }
 
     /// The response of an answer, or the response that is as sure as filter and matching networks are together.
-    fn agreed(&self, answer: &Answer) -> f64 {
+    fn agreed(&self, answer: &Answer, size: [f64; 2]) -> f64 {
         let Some(matching) = &self.matching else { return answer.response };
         let confidence = &self.appearance.confidence;
         let quality = confidence.quality(answer.response);
-        let probability = matching.probability(quality, answer.centre, self.rect.size(), confidence.state());
+        let probability = matching.probability(quality, answer.centre, size, confidence.state());
         confidence.response_of(probability)
     }
 
@@ -299,6 +324,18 @@ impl LcmhtTarget {
         (1.0 + self.params.svm.opinion * margin).clamp(0.0, 1.0)
     }
 
+    /// Asks the judge whether what is at the answer is the target.
+    fn ask(&mut self, answer: &Answer, size: [f64; 2], frame: &Frame, cropper: &mut Cropper) {
+        if self.judge.is_asked() {
+            let unit = (size[0] * size[1]).sqrt();
+            let others = self.appearance.correlator.answers().iter();
+            let elsewhere = others.filter(|other| distance(other.centre, answer.centre) > ELSEWHERE * unit);
+            let best = elsewhere.map(|other| other.response).fold(0.0, f64::max);
+            let seen = self.detector.see(frame, cropper, &Rect::around(answer.centre, size));
+            self.judge.weigh(seen, best / answer.response.max(f64::MIN_POSITIVE), self.matching.as_ref());
+        }
+    }
+
     /// Where the target is taken to be: at the answer as far as the filter's response is believed, else where it was
     /// expected. The detector's opinion decides whether the target is there at all, not where. Without the gate it is
     /// at the answer, as in the paper.
@@ -306,7 +343,7 @@ impl LcmhtTarget {
         let trust = match self.appearance.state() {
             _ if !self.params.confidence.gate => 1.0,
             State::Tracking => 1.0,
-            State::Uncertain => self.appearance.confidence.trust(self.agreed(answer)),
+            State::Uncertain => self.appearance.confidence.trust(self.agreed(answer, self.rect.size())),
             State::Lost => 0.0,
         };
         let between = |i: usize| expected[i] + trust * (answer.centre[i] - expected[i]);
@@ -345,67 +382,6 @@ impl LcmhtTarget {
         } else {
             self.motion.saw(&found.rect, found.expected.place);
         }
-    }
-
-    /// Takes up a lost target where the correlation filter and the detector agree that it is: where it was expected, or
-    /// where the detector proposes and the GM-PHD filter finds it most likely.
-    fn redetect(&mut self, found: &mut Localised, frame: &Frame, cropper: &mut Cropper, trace: &mut dyn Trace) {
-        let again = self.again(found, frame, cropper).or_else(|| self.proposed(found, frame, cropper, trace));
-        if let Some(answer) = again {
-            (found.response, found.judged) = (answer.response, self.agreed(&answer));
-            self.appearance.confidence.found();
-            found.state = self.appearance.state();
-            found.rect = Rect::around(answer.centre, self.rect.size());
-        }
-    }
-
-    /// The answer where the target was expected, if that is the target. Without the gate it stays in the image.
-    fn again(&mut self, found: &Localised, frame: &Frame, cropper: &mut Cropper) -> Option<Answer> {
-        let mut answer = found.answer;
-        if !self.params.confidence.gate {
-            answer.centre = found.rect.centre();
-        }
-        let is_it = self.appearance.confidence.is_certain(self.agreed(&answer)) && self.is_it(&answer, frame, cropper);
-        is_it.then_some(answer)
-    }
-
-    /// The detector's proposals, filtered by the GM-PHD filter; the heaviest component as the correlation filter sees
-    /// it, if that is the target. Without the gate the target is where that component is, as in Algorithm 1, otherwise
-    /// where the filter answers best around it.
-    fn proposed(
-        &mut self,
-        found: &Localised,
-        frame: &Frame,
-        cropper: &mut Cropper,
-        trace: &mut dyn Trace,
-    ) -> Option<Answer> {
-        self.detector.scan(frame, cropper, &found.rect, &mut self.proposals);
-        let matched = self.matching.as_ref().and_then(Matching::proposal);
-        self.proposals.extend(matched.map(|Match { rect, score }| Proposal { rect, score }));
-        trace.event(Event::Proposals(&self.proposals));
-        let heaviest = self.motion.filter(self.proposals.iter().map(|p| p.rect))?;
-        let place = frame.nearest(heaviest.centre());
-        let correlator = &mut self.appearance.correlator;
-        correlator.look(frame, cropper, place, self.rect.size(), self.turn.degrees());
-        self.match_there(frame, cropper);
-        let mut answer = self.appearance.correlator.highest();
-        if !self.params.confidence.gate {
-            answer.centre = place;
-        }
-        let is_it =
-            self.appearance.confidence.is_convincing(self.agreed(&answer)) && self.is_it(&answer, frame, cropper);
-        is_it.then_some(answer)
-    }
-
-    /// Whether the detector takes what is there for the target, and it is no neighbour.
-    fn is_it(&mut self, answer: &Answer, frame: &Frame, cropper: &mut Cropper) -> bool {
-        if self.neighbours.is_at(answer.centre, self.rect.scale()) {
-            return false;
-        }
-        let place = Rect::around(answer.centre, self.rect.size());
-        let vouched = |matching: &Matching| matching.vouches_for(answer.centre, self.rect.size());
-        self.matching.as_ref().is_some_and(vouched)
-            || self.detector.margin(frame, cropper, &place) >= self.params.svm.least_margin
     }
 
     /// Takes over where the target is and how sure that is, estimates its size, and tells the motion model what has
@@ -448,6 +424,9 @@ impl LcmhtTarget {
                 && self.updates.is_multiple_of(self.params.svm.interval as u32)
             {
                 self.detector.learn(frame, cropper, &self.rect);
+                if self.judge.learns() {
+                    self.judge.learn(self.detector.see(frame, cropper, &self.rect));
+                }
             }
         }
         self.appearance.correlator.learn_look(cropper);
@@ -459,6 +438,7 @@ impl LcmhtTarget {
         let moves_anew = self.motion.retune(&params.motion, &self.rect);
         self.neighbours.retune(&params.neighbours);
         self.detector.retune(settings::detector(&params.svm));
+        self.judge.retune(params.confidence.looks as u32);
         let mut taken = params.clone();
         taken.keep(&self.params);
         let fits = !params.differs(&taken, Need::Network);
