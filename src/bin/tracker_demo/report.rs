@@ -20,7 +20,7 @@ const COLUMNS: u32 = 3;
 /// Between the frames, in pixels.
 const GAP: u32 = 4;
 
-/// The files that [`draw`] writes beside the frames.
+/// The files that [`draw()`] writes beside the frames.
 pub struct Pictures {
     pub sheet: PathBuf,
     pub animation: PathBuf,
