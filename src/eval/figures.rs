@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::absences::{Absences, absences};
 use super::calibration::Calibration;
 use super::dataset::Sequence;
+use super::honesty::Honesty;
 use super::long_term::{self, LongTerm, Profile};
 use super::losses::losses;
 use super::otb::{self, Curves};
@@ -40,6 +41,8 @@ pub struct Figures {
     pub calibration: Option<Calibration>,
     /// The expected calibration error.
     pub calibration_error: Option<f64>,
+    /// What state was reported on the target and off it.
+    pub honesty: Honesty,
     /// Processor time of the tracker, in seconds, where it is known.
     pub seconds: Option<f64>,
     /// Frames a second of that time.
@@ -83,6 +86,7 @@ impl Scored {
             absences: absences(answers, visible),
             calibration,
             calibration_error: calibration.map(|c| c.error()),
+            honesty: Honesty::new(answers, truth),
             seconds,
             fps: seconds.map(|s| rate(answers.len(), s)),
             curves: score.curves,
@@ -123,6 +127,10 @@ pub fn mean(all: &[&Scored]) -> Option<Figures> {
         }),
         calibration,
         calibration_error: calibration.map(|c| c.error()),
+        honesty: figures().fold(Honesty::default(), |mut sum, f| {
+            sum += f.honesty;
+            sum
+        }),
         seconds,
         fps: seconds.map(|s| rate(frames, s)),
         curves: Curves::mean(figures().map(|f| &f.curves)),

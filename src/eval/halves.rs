@@ -8,7 +8,9 @@
 use serde::Serialize;
 
 use super::bootstrap::{Interval, mean, p_value};
+use super::calibration::Calibration;
 use super::figures::Figures;
+use super::honesty::Honesty;
 use super::spread::Spreads;
 use super::table::{Row, Table};
 use super::worlds::Worlds;
@@ -64,6 +66,10 @@ pub struct Summary {
     pub auc: Interval,
     /// Share of frames in which the target is held.
     pub held: Interval,
+    /// The expected calibration error over the frames of the first start, where confidences are shares.
+    pub calibration_error: Option<f64>,
+    /// What state was reported on the target and off it, from the first start.
+    pub honesty: Honesty,
 }
 
 /// A difference of means of two setups over the same sequences.
@@ -145,11 +151,21 @@ impl Group {
 impl Summary {
     fn new(rows: &[&Row]) -> Option<Self> {
         let interval = |figure| Interval::of(&rows.iter().map(|row| by_start(row, figure)).collect::<Vec<_>>());
+        let calibration = rows.iter().try_fold(Calibration::default(), |mut sum, row| {
+            sum += row.figures.calibration?;
+            Some(sum)
+        });
+        let honesty = rows.iter().fold(Honesty::default(), |mut sum, row| {
+            sum += row.figures.honesty;
+            sum
+        });
         Some(Self {
             sequences: rows.len(),
             precision: interval(PRECISION)?,
             auc: interval(AUC)?,
             held: interval(HELD)?,
+            calibration_error: calibration.map(|sum| sum.error()),
+            honesty,
         })
     }
 }

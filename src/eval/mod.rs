@@ -3,7 +3,7 @@
 //! ```text
 //! dataset   sequences: true boxes, and how much of each is hidden
 //!   -> run | peers     an answer a frame: by a tracker that is run here, or read from another one's file
-//!   -> otb, long_term, absences, losses, calibration       one figure each
+//!   -> otb, long_term, absences, losses, calibration, honesty     one figure each
 //!   -> figures         all of one sequence, and of several; attributes say which sequences are hard in what
 //!   -> table, spread   all of one setup; the same started several times
 //!   -> halves          what holds on video that it was not chosen on, by bootstrap; worlds name kinds of video
@@ -20,6 +20,7 @@ pub mod calibration;
 pub mod dataset;
 pub mod figures;
 pub mod halves;
+pub mod honesty;
 pub mod long_term;
 pub mod losses;
 pub mod moments;

@@ -14,6 +14,7 @@
 //!                  noticed{count, frames}, regained{count, frames}
 //!     calibration  bins[10]{boxes, right, confidence}
 //!     calibration_error
+//!     honesty      off{count, tracking, lost}, on{count, tracking, lost}
 //!     curves       precision[51], success[21]
 //!   spread         precision, auc, held, each {runs[], mean, spread}
 //!   attributes[]   attribute, sequences, precision, auc, held, long_term{}
@@ -21,7 +22,7 @@
 //! halves           halves[2][], crossed{SUMMARY}
 //!   setups[]       name, groups[]{name, summary{SUMMARY}, against_first{sequences, interval, p}}
 //!   choices[]      on, setup, on_other{SUMMARY}
-//! SUMMARY          sequences, precision, auc, held, each {mean, low, high}
+//! SUMMARY          sequences, precision, auc, held, each {mean, low, high}, calibration_error, honesty
 //! ```
 //!
 //! What is not known is null.

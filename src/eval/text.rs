@@ -39,6 +39,7 @@ impl fmt::Display for Table {
         writeln!(f, "{MEAN:width$} {}", line(mean, 3)?)?;
         long_term(mean, f)?;
         calibration(mean, f)?;
+        honesty(mean, f)?;
         let Some(spread) = &self.spread else { return Ok(()) };
         writeln!(f, "{} starts:", spread.auc.runs.len())?;
         for (name, figure) in [("precision", &spread.precision), ("AUC", &spread.auc), ("held", &spread.held)] {
@@ -115,6 +116,16 @@ fn calibration(g: &Figures, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     writeln!(f)
 }
 
+fn honesty(g: &Figures, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    let (off, on) = (&g.honesty.off, &g.honesty.on);
+    if off.count + on.count == 0 {
+        return Ok(());
+    }
+    write!(f, "honesty: off the target {} frames, {} of them tracking; ", off.count, number(off.share_tracking(), 3))?;
+    let [tracking, lost] = [on.share_tracking(), on.share_lost()].map(|share| number(share, 3));
+    writeln!(f, "on it {} frames, {tracking} tracking, {lost} lost", on.count)
+}
+
 fn runs(figure: &Spread) -> Result<String, fmt::Error> {
     let mut line = String::new();
     write!(line, "mean {:.3}, spread {:.3}, runs", figure.mean, figure.spread)?;
@@ -155,8 +166,14 @@ fn standing(setup: &Standing, width: usize, f: &mut fmt::Formatter<'_>) -> fmt::
 
 fn summary(summary: &Summary) -> String {
     let told = |i: &Interval| format!("{:.3} [{:.3} {:.3}]", i.mean, i.low, i.high);
-    let Summary { precision, auc, held, .. } = summary;
-    format!("prec {} AUC {} held {}", told(precision), told(auc), told(held))
+    let Summary { precision, auc, held, calibration_error, honesty, .. } = summary;
+    let figures = format!("prec {} AUC {} held {}", told(precision), told(auc), told(held));
+    match calibration_error {
+        Some(error) => {
+            format!("{figures} calib {error:.3} off as tracking {}", number(honesty.off.share_tracking(), 2))
+        }
+        None => figures,
+    }
 }
 
 /// One line a setup.
@@ -185,6 +202,7 @@ fn comparison(report: &Report, f: &mut fmt::Formatter<'_>) -> fmt::Result {
 mod tests {
     use super::*;
     use crate::eval::calibration::{Bin, Calibration};
+    use crate::eval::honesty::Frames;
     use crate::eval::spread::Spreads;
     use crate::eval::table::Row;
 
@@ -231,6 +249,7 @@ long-term: precision 0.000, recall 0.000, F 0.625
         let mut calibration = Calibration::default();
         calibration.bins[8] = Bin { boxes: 4, right: 3, confidence: 3.4 };
         mean.calibration = Some(calibration);
+        mean.honesty.off = Frames { count: 4, tracking: 1, lost: 3 };
         let mut table = table("lcmht", mean.clone());
         table.spread = Spreads::new(&[&mean, &Figures { auc: 0.75, ..mean.clone() }]);
         let text = table.to_string();
@@ -240,6 +259,7 @@ long-term: precision 0.000, recall 0.000, F 0.625
             "returns: 0; found again 0 (after - frames)\n",
             "calibration: expected error 0.100\n\
              \x20 confidence     -     -     -     -     -     -     -     -  0.85     -\n",
+            "honesty: off the target 4 frames, 0.250 of them tracking; on it 0 frames, - tracking, - lost\n",
             "2 starts:\n  precision mean 0.750, spread 0.000, runs 0.750 0.750\n",
             "  AUC       mean 0.625, spread 0.250, runs 0.500 0.750\n",
         ] {
