@@ -210,7 +210,6 @@ fn every_tracker_follows_fleets() {
 
 /// Two Ray nodes on loopback, one of which is killed while it tracks.
 #[test]
-#[ignore = "installs Ray, which takes up to minutes: run it with --ignored"]
 fn the_rows_of_machines_are_those_of_one_though_another_is_lost() {
     let python = venv::python("ray", "tests/peer/requirements-ray.txt", None);
     let dir = tempfile::tempdir().unwrap();

@@ -195,13 +195,23 @@ impl Detector {
     /// The decision value for what `target` shows: positive where it looks like the target.
     pub fn margin(&mut self, frame: &Frame, cropper: &mut Cropper, target: &Rect) -> f64 {
         self.example_at(frame, cropper, target);
-        self.svm.margin(&self.example.0)
+        self.margin_of_seen()
     }
 
-    /// What `target` shows, as a feature vector.
+    /// What `target` shows, as a feature vector, which is kept as [`seen`](Self::seen).
     pub fn see(&mut self, frame: &Frame, cropper: &mut Cropper, target: &Rect) -> &Example {
         self.example_at(frame, cropper, target);
         &self.example
+    }
+
+    /// What was [seen](Self::see), unless something else has been asked since.
+    pub fn seen(&self) -> &Example {
+        &self.example
+    }
+
+    /// The decision value for it.
+    pub fn margin_of_seen(&self) -> f64 {
+        self.svm.margin(&self.example.0)
     }
 
     /// The place of the size of `target` that `rank` puts highest, and its rank, among those around it: their centres

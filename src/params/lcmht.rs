@@ -215,7 +215,7 @@ group! {
     /// The online support vector machine that re-detects.
     pub struct LcmhtSvm at "lcmht.svm." {
         scan_extent: f64 = 6.0, in 1.5..=16.0, unit "target sizes", is Basic; "Side of the area that is searched for a lost target."
-        areas: i64 = 6, in 0..=100; "Number of areas of the image that are searched per frame for a lost target, beyond its surroundings. An area takes about 1 ms; large targets need few, and the whole image is searched in 20 frames or more. 0 searches only the surroundings, as in the paper; `lcmht.confidence.looks` must not be 0."
+        areas: i64 = 6, in 0..=100; "Maximum number of areas of the image, each of 5 x 5 target sizes, that are searched per frame for a lost target, beyond its surroundings. The whole image is searched within 20 frames, or more slowly if that takes more areas. 0 searches only the surroundings, as in the paper. Needs `lcmht.confidence.looks`."
         opinion: f64 = 0.3, in 0.0..=10.0; "How much a negative SVM margin lowers the response, per unit of margin, in every frame. 0 uses the detector only for lost targets, as in the paper."
         least_margin: f64 = 0.0, in -100.0..=100.0, is Ablation; "SVM margin below which a lost target is not re-acquired, whatever its response."
         interval: i64 = 1, in 1..=1000, is Ablation; "Number of filter updates per training of the detector."

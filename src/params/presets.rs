@@ -38,6 +38,11 @@ impl Preset {
         Ok(found)
     }
 
+    /// Adds its parameters to others, which they override.
+    pub fn add_to(&self, overrides: &mut Overrides) -> Result<(), ParamsError> {
+        overrides.take(Path::new(self.name), self.text).map(drop)
+    }
+
     /// The first sentence of its file.
     pub fn about(&self) -> String {
         let lines = self.text.lines().map_while(|line| line.strip_prefix("# "));
@@ -50,7 +55,7 @@ impl Preset {
 pub fn preset_or_file(source: &Path, node: &NodeName) -> Result<Vec<Assignment>, ParamsError> {
     let Some(preset) = Preset::named(source)? else { return yaml::file(source, node) };
     let mut overrides = Overrides::default();
-    overrides.take(Path::new(preset.name), preset.text)?;
+    preset.add_to(&mut overrides)?;
     Ok(yaml::assignments(&overrides, node))
 }
 

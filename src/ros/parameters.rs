@@ -195,7 +195,7 @@ impl NodeSettings {
                         warn!("{}", nothing_for(node, path, &named));
                     }
                 }
-                ParameterSource::Preset(preset) => drop(overrides.take(Path::new(preset.name), preset.text)?),
+                ParameterSource::Preset(preset) => preset.add_to(&mut overrides)?,
                 ParameterSource::Assignment(text) => overrides.assign(text)?,
             }
         }

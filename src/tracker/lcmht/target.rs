@@ -163,7 +163,8 @@ impl LcmhtTarget {
         }
     }
 
-    /// What is reported: where there are matching networks, the probability that filter and networks agree on.
+    /// What is reported: the judge's probability if there is a judge, otherwise that which filter and matching networks
+    /// agree on, or which follows from the filter's response alone.
     fn confidence(&self) -> f64 {
         let confidence = &self.appearance.confidence;
         if self.judge.is_asked() && self.params.confidence.calibrated {
@@ -268,8 +269,9 @@ impl LcmhtTarget {
             self.appearance.confidence.rebase(answer.response);
         }
         trace.event(Event::Thresholds { id: &self.id, thresholds: self.appearance.confidence.thresholds() });
-        let opinion = self.opinion(&answer, frame, cropper);
-        self.ask(&answer, self.rect.size(), frame, cropper);
+        self.detector.see(frame, cropper, &Rect::around(answer.centre, self.rect.size()));
+        let opinion = self.opinion();
+        self.ask(&answer, self.rect.size());
         let judged = self.agreed(&answer, self.rect.size()) * opinion;
         let before = self.appearance.state();
         let state = self.appearance.confidence.assess_as(judged, answer.response * opinion);
@@ -314,25 +316,27 @@ impl LcmhtTarget {
         confidence.response_of(probability)
     }
 
-    /// How far the detector lets the filter's answer count, 0 to 1: a second opinion from other features, in every
-    /// frame. A margin below 0 takes `svm.opinion` of the response a unit.
-    fn opinion(&mut self, answer: &Answer, frame: &Frame, cropper: &mut Cropper) -> f64 {
+    /// How far the detector, which saw what is there, lets the filter's answer count, 0 to 1: a second opinion from
+    /// other features, in every frame. A margin below 0 takes `svm.opinion` of the response a unit.
+    fn opinion(&self) -> f64 {
         if self.params.svm.opinion == 0.0 || !self.detector.is_trained() {
             return 1.0;
         }
-        let margin = self.detector.margin(frame, cropper, &Rect::around(answer.centre, self.rect.size()));
-        (1.0 + self.params.svm.opinion * margin).clamp(0.0, 1.0)
+        (1.0 + self.params.svm.opinion * self.detector.margin_of_seen()).clamp(0.0, 1.0)
     }
 
-    /// Asks the judge whether what is at the answer is the target.
-    fn ask(&mut self, answer: &Answer, size: [f64; 2], frame: &Frame, cropper: &mut Cropper) {
+    /// Asks the judge whether the answer, where the detector saw what is there, is the target of that size.
+    fn ask(&mut self, answer: &Answer, size: [f64; 2]) {
         if self.judge.is_asked() {
             let unit = (size[0] * size[1]).sqrt();
             let others = self.appearance.correlator.answers().iter();
             let elsewhere = others.filter(|other| distance(other.centre, answer.centre) > ELSEWHERE * unit);
             let best = elsewhere.map(|other| other.response).fold(0.0, f64::max);
-            let seen = self.detector.see(frame, cropper, &Rect::around(answer.centre, size));
-            self.judge.weigh(seen, best / answer.response.max(f64::MIN_POSITIVE), self.matching.as_ref());
+            self.judge.weigh(
+                self.detector.seen(),
+                best / answer.response.max(f64::MIN_POSITIVE),
+                self.matching.as_ref(),
+            );
         }
     }
 

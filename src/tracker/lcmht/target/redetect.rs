@@ -125,12 +125,12 @@ impl LcmhtTarget {
         if self.neighbours.is_at(answer.centre, place.scale()) {
             return false;
         }
-        self.ask(answer, size, frame, cropper);
+        self.detector.see(frame, cropper, &place);
+        self.ask(answer, size);
         if self.judge.probability() < least {
             return false;
         }
         let vouched = |matching: &Matching| matching.vouches_for(answer.centre, size);
-        self.matching.as_ref().is_some_and(vouched)
-            || self.detector.margin(frame, cropper, &place) >= self.params.svm.least_margin
+        self.matching.as_ref().is_some_and(vouched) || self.detector.margin_of_seen() >= self.params.svm.least_margin
     }
 }
