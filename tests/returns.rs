@@ -1,7 +1,7 @@
 //! Targets that leave and come back, anywhere in the image and in another size: real targets, cut out of the sequences
 //! in the folder that `SEQUENCES_DIR` names, on the real video of others. Where it is not set the test says that it is
-//! skipped. `RETURNS=200 cargo test --release --test returns -- --nocapture` makes that many; `PRESET` names a preset or
-//! a file of parameters.
+//! skipped. `RETURNS=200 cargo test --release --test returns -- --nocapture` makes that many; `PRESET` names a preset
+//! or a file of parameters.
 
 #[path = "support/sequences.rs"]
 mod sequences;
