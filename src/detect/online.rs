@@ -387,6 +387,33 @@ mod tests {
         assert!(detector.margin(&frame(&moved), &mut cropper, &target) < -0.5);
     }
 
+    #[test]
+    fn a_look_is_found_again_anywhere_in_the_area_and_nowhere_out_of_view() {
+        let mut cropper = Cropper::default();
+        let first = scene([150, 100], 1);
+        let target = Rect::new(150.0, 100.0, 20.0, 40.0);
+        let mut detector = Detector::new(SETTINGS, &target, 7);
+        let look = detector.see(&frame(&first), &mut cropper, &target).clone();
+        let moved = scene([185, 60], 2);
+        let likeness = |seen: &Example| look.cosines(seen).iter().sum();
+        let (place, rank) = detector.search(&frame(&moved), &mut cropper, &target, likeness).unwrap();
+        assert!(place.iou(&Rect::new(185.0, 60.0, 20.0, 40.0)) > 0.7, "{place}");
+        // The same place by itself, but for the margins of its cells.
+        let alone: f64 = likeness(detector.see(&frame(&moved), &mut cropper, &place));
+        assert!((rank - alone).abs() < 0.05, "{rank} {alone}");
+        let outside = Rect::new(2000.0, 100.0, 20.0, 40.0);
+        assert_eq!(detector.search(&frame(&moved), &mut cropper, &outside, likeness), None);
+    }
+
+    #[test]
+    fn a_mean_of_examples_is_that_of_each_value() {
+        let mut mean = Example::default();
+        for (i, values) in [[1.0, 4.0], [3.0, 0.0], [5.0, 2.0]].into_iter().enumerate() {
+            mean.take_in(&Example(values.to_vec()), i as u32);
+        }
+        assert_eq!(mean, Example(vec![3.0, 2.0]));
+    }
+
     /// A window cut from a large area and the same window computed on its own have the same features.
     #[test]
     fn windows_of_an_area_agree_with_single_windows() {
