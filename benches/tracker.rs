@@ -130,9 +130,9 @@ fn network(c: &mut Criterion) {
             let mut request = Request::new(&Params::default().lcmht.cnn, u64::MAX);
             (request.settings.side, request.runner.inference) = (side, inference);
             let Ok(mut cnn) = request.load() else { continue };
-            let mut cropper = Cropper::default();
+            let (mut cropper, mut maps) = (Cropper::default(), Vec::new());
             c.bench_function(&format!("network/{name}/{side}"), |b| {
-                b.iter(|| cnn.compute(black_box(&frame), &window, &mut cropper))
+                b.iter(|| cnn.compute(black_box(&frame), &window, &mut cropper, &mut maps))
             });
         }
     }

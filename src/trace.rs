@@ -133,16 +133,30 @@ pub enum Event<'a> {
 pub trait Trace {
     /// This happens now.
     fn event(&mut self, event: Event);
+
+    /// Whether it is to see the inside of each target's step. Then targets are followed one after the other; otherwise
+    /// all at once, and it is told the rest: thresholds, and what was made anew.
+    fn looks_inside(&self) -> bool {
+        true
+    }
 }
 
 /// Is shown everything, and does nothing.
 impl Trace for () {
     fn event(&mut self, _: Event) {}
+
+    fn looks_inside(&self) -> bool {
+        false
+    }
 }
 
 impl<T: Trace + ?Sized> Trace for &mut T {
     fn event(&mut self, event: Event) {
         (**self).event(event);
+    }
+
+    fn looks_inside(&self) -> bool {
+        (**self).looks_inside()
     }
 }
 
@@ -153,6 +167,10 @@ impl<T: Trace> Trace for Option<T> {
             trace.event(event);
         }
     }
+
+    fn looks_inside(&self) -> bool {
+        self.as_ref().is_some_and(T::looks_inside)
+    }
 }
 
 /// Both are shown everything.
@@ -160,5 +178,9 @@ impl<A: Trace, B: Trace> Trace for (A, B) {
     fn event(&mut self, event: Event) {
         self.0.event(event);
         self.1.event(event);
+    }
+
+    fn looks_inside(&self) -> bool {
+        self.0.looks_inside() || self.1.looks_inside()
     }
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
+use long_term_tracker::appearance::layers::SeenByNetwork;
 use long_term_tracker::appearance::matching::{Matcher, ShortTerm};
 use long_term_tracker::crop::Cropper;
 use long_term_tracker::geometry::distance;
@@ -205,13 +206,16 @@ fn maps_that_layers_are_made_of_serve_the_embedded_head_as_well() {
         let data = scene(&target.shifted(9.0, -7.0));
         let side = 4.0 * (target.w * target.h).sqrt();
         let window = Rect::around(target.centre(), [side; 2]);
-        locked(&cnn).compute(&frame(&data), &window, &mut cropper);
-        matcher.look(&frame(&data), &mut cropper, target.centre(), target.size(), Some((&cnn, window)));
+        let mut maps = Vec::new();
+        locked(&cnn).compute(&frame(&data), &window, &mut cropper, &mut maps).unwrap();
+        let seen = SeenByNetwork { cnn: &cnn, window, maps: &maps };
+        matcher.look(&frame(&data), &mut cropper, target.centre(), target.size(), Some(seen));
         let shared = matcher.matches().to_vec();
         // Another window of the same network is of no use.
         let elsewhere = Rect::around([20.0, 20.0], [side; 2]);
-        locked(&cnn).compute(&frame(&data), &elsewhere, &mut cropper);
-        matcher.look(&frame(&data), &mut cropper, target.centre(), target.size(), Some((&cnn, elsewhere)));
+        locked(&cnn).compute(&frame(&data), &elsewhere, &mut cropper, &mut maps).unwrap();
+        let seen = SeenByNetwork { cnn: &cnn, window: elsewhere, maps: &maps };
+        matcher.look(&frame(&data), &mut cropper, target.centre(), target.size(), Some(seen));
         assert_eq!(matcher.matches(), shared);
         let best = shared.iter().max_by(|a, b| a.score.total_cmp(&b.score)).unwrap();
         assert!(best.rect.iou(&target.shifted(9.0, -7.0)) > 0.5, "{best:?}");

@@ -63,8 +63,9 @@ fn request(file: Option<&Path>, outputs: &[&str]) -> Request {
 
 fn maps(request: &Request, frame: &Frame) -> Vec<FeatureMap> {
     let mut cnn = request.load().unwrap();
-    cnn.compute(frame, &frame.bounds(), &mut Cropper::default());
-    cnn.maps().to_vec()
+    let mut maps = Vec::new();
+    cnn.compute(frame, &frame.bounds(), &mut Cropper::default(), &mut maps).unwrap();
+    maps
 }
 
 fn file(folder: &tempfile::TempDir, name: &str, bytes: &[u8]) -> PathBuf {

@@ -73,8 +73,9 @@ fn maps(request: &Request) -> Vec<FeatureMap> {
     let data = scene(160, 120, 0);
     let frame = Frame::new(&data, 160, 120, 480, Encoding::Rgb8, None).unwrap();
     let mut cnn = request.load().unwrap();
-    cnn.compute(&frame, &Rect::new(20.0, 10.0, 100.0, 100.0), &mut Cropper::default());
-    cnn.maps().to_vec()
+    let mut maps = Vec::new();
+    cnn.compute(&frame, &Rect::new(20.0, 10.0, 100.0, 100.0), &mut Cropper::default(), &mut maps).unwrap();
+    maps
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! Several targets in one session.
 
+use long_term_tracker::loader::Loaded;
 use long_term_tracker::params::{Phase, Value};
+use long_term_tracker::trace::{Event, Trace};
 use long_term_tracker::{Encoding, Frame, Params, Rect, RenameError, Session, StartError, Target};
 
 const SIDE: usize = 32;
@@ -162,4 +164,43 @@ fn a_renamed_target_goes_on_under_its_new_name_alone() {
     session.stop();
     session.restart(&first, &mut ()).unwrap();
     assert!(ids(&session).contains(&"walker"), "{:?}", ids(&session));
+}
+
+/// Wants to see each step, which keeps the targets in order.
+struct Watching;
+
+impl Trace for Watching {
+    fn event(&mut self, _: Event) {}
+}
+
+#[test]
+fn targets_followed_at_once_are_where_they_are_one_after_the_other() {
+    let scenes = scenes();
+    let [on, off] = [true, false].map(Value::Bool);
+    let builtin = Value::String("builtin".into());
+    let (etepf, most) = (Value::String("etepf".into()), Value::Integer(4));
+    let setups: [&[(&str, &Value)]; 3] = [
+        &[("lcmht.cnn.enabled", &off)],
+        &[("lcmht.cnn.inference", &builtin), ("lcmht.matching.enabled", &on)],
+        &[("algorithm", &etepf)],
+    ];
+    for setup in setups {
+        let changes = setup.iter().copied().chain([("max_targets", &most)]);
+        let params = Params::default().with(changes, Phase::StartUp).unwrap();
+        let networks = Loaded::new(&params).unwrap();
+        // Of networks of their own, so that a mix-up of what they made would not be the same in both.
+        let [mut at_once, mut in_order] =
+            [&networks, &Loaded::new(&params).unwrap()].map(|n| Session::with_networks(params.clone(), n.networks()));
+        let first = frame(&scenes[0]);
+        let [a, b] = targets(0);
+        for mark in [a, b, a.shifted(8.0, 5.0), b.shifted(-6.0, 9.0)] {
+            at_once.start(&first, mark, &mut ()).unwrap();
+            in_order.start(&first, mark, &mut Watching).unwrap();
+        }
+        for (k, data) in scenes[1..8].iter().enumerate() {
+            at_once.step(&frame(data), &mut ());
+            in_order.step(&frame(data), &mut Watching);
+            assert_eq!(at_once.output().targets, in_order.output().targets, "frame {k} of {setup:?}");
+        }
+    }
 }

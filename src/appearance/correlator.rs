@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::augment::Look;
 use super::filters::Filters;
-use super::layers::{Cut, Extractor, LayerSource, LayerSpec};
+use super::layers::{Cut, Extractor, LayerSource, LayerSpec, SeenByNetwork};
 use super::settings::{AppearanceSettings, FilterSettings, SearchShape};
 use crate::crop::{Alteration, Cropper, turn_about};
 use crate::dcf::fft::Fft2;
@@ -200,11 +200,12 @@ impl Correlator {
         better
     }
 
-    /// The network that layers are of, and the window of the last look if the network ran on that last, upright.
-    pub fn seen_by_network(&self) -> Option<(&SharedCnn, Rect)> {
+    /// What the network that layers are of saw in the last look, if that was upright.
+    pub fn seen_by_network(&self) -> Option<SeenByNetwork<'_>> {
         let SearchView { window, turn, blank, .. } = self.view;
         let is_there = self.is_newest && !blank && turn == 0.0;
-        self.extractor.network().filter(|_| is_there).map(|cnn| (cnn, window))
+        let (cnn, maps) = self.extractor.network().filter(|_| is_there)?;
+        Some(SeenByNetwork { cnn, window, maps })
     }
 
     /// The window of the last look.

@@ -96,6 +96,17 @@ impl Cut {
     }
 }
 
+/// What the network that layers are of saw in a look.
+#[derive(Clone, Copy)]
+pub struct SeenByNetwork<'a> {
+    /// The network.
+    pub cnn: &'a SharedCnn,
+    /// Where it looked, in pixels of the frame.
+    pub window: Rect,
+    /// What it made of that, a map of each output.
+    pub maps: &'a [FeatureMap],
+}
+
 /// Extracts samples on a grid of fixed size.
 pub struct Extractor {
     rows: usize,
@@ -106,6 +117,9 @@ pub struct Extractor {
     hog: Hog,
     hog_map: FeatureMap,
     names_map: FeatureMap,
+    network_maps: Vec<FeatureMap>,
+    /// Whether the network's last run did not fail.
+    has_run: bool,
     cnn: Option<SharedCnn>,
     /// The side of the network's input, if a layer is of it.
     side: Option<usize>,
@@ -141,6 +155,8 @@ impl Extractor {
             hog: Hog::default(),
             hog_map: FeatureMap::default(),
             names_map: FeatureMap::default(),
+            network_maps: Vec::new(),
+            has_run: false,
             side: cnn.as_ref().filter(|_| network).map(|cnn| locked(cnn).settings().side),
             cnn,
             joined: FeatureMap::default(),
@@ -177,9 +193,10 @@ impl Extractor {
         self.cnn = Some(cnn.clone());
     }
 
-    /// The network, if a layer is of it.
-    pub fn network(&self) -> Option<&SharedCnn> {
-        self.cnn.as_ref().filter(|_| self.side.is_some())
+    /// The network, if a layer is of it, and the maps that it made last; `None` if that run failed.
+    pub fn network(&self) -> Option<(&SharedCnn, &[FeatureMap])> {
+        let cnn = self.cnn.as_ref().filter(|_| self.side.is_some() && self.has_run)?;
+        Some((cnn, &self.network_maps))
     }
 
     /// Channels of all layers together.
@@ -264,7 +281,8 @@ impl Extractor {
             }
         }
         if network && let Some(cnn) = &self.cnn {
-            locked(cnn).compute_patch(cut.network.as_ref().unwrap_or(&cut.cells));
+            let patch = cut.network.as_ref().unwrap_or(&cut.cells);
+            self.has_run = locked(cnn).compute_patch(patch, &mut self.network_maps).is_ok();
         }
     }
 
@@ -275,10 +293,7 @@ impl Extractor {
                 self.join(features);
                 work(&self.joined, &mut self.projected)
             }
-            LayerSource::Network(output) => {
-                let cnn = self.cnn.as_ref().expect("layers of the network come with one");
-                work(&locked(cnn).maps()[*output], &mut self.projected)
-            }
+            LayerSource::Network(output) => work(&self.network_maps[*output], &mut self.projected),
         }
     }
 

@@ -5,11 +5,12 @@
 //! its width and height as well (Li et al., *SiamRPN*, CVPR 2018; Xu et al., *SiamFC++*, AAAI 2020, for sides without
 //! anchors). They tell the target from what surrounds it, not from its like.
 
+use super::layers::SeenByNetwork;
 use crate::crop::{Cropper, Patch};
 use crate::features::FeatureMap;
 use crate::frame::{Frame, Plane};
 use crate::geometry::Rect;
-use crate::network::{Framing, MatchingForm, SharedCnn, SharedMatching, locked};
+use crate::network::{Framing, MatchingForm, SharedMatching, locked};
 
 /// A target as one cell sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,7 +63,7 @@ impl Matcher {
         &self.form
     }
 
-    /// Looks for a target of size `size` around `centre`. `seen` is a network that ran on a window last; where that is
+    /// Looks for a target of size `size` around `centre`. `seen` is what a network saw in another look; where that is
     /// what would be run here, its maps serve.
     pub fn look(
         &mut self,
@@ -70,23 +71,25 @@ impl Matcher {
         cropper: &mut Cropper,
         centre: [f64; 2],
         size: [f64; 2],
-        seen: Option<(&SharedCnn, Rect)>,
+        seen: Option<SeenByNetwork>,
     ) {
         let side = template_side(self.form.framing, size) * self.form.window as f64 / self.form.template as f64;
-        let is_it = |(cnn, window): &(&SharedCnn, Rect)| {
+        let is_it = |seen: &SeenByNetwork| {
             self.form.framing == Framing::Area
-                && *window == Rect::around(centre, [side; 2])
-                && locked(&self.network).is_on(cnn)
+                && seen.window == Rect::around(centre, [side; 2])
+                && locked(&self.network).is_on(seen.cnn)
         };
-        if let Some((_, window)) = seen.filter(is_it) {
-            self.window = window;
-            locked(&self.network).compare_seen(&self.template);
-        } else {
-            self.cut(frame, cropper, centre, side, self.form.window);
-            locked(&self.network).compare(&self.template, &self.patch);
+        let seen = seen.filter(is_it);
+        match &seen {
+            Some(seen) => self.window = seen.window,
+            None => self.cut(frame, cropper, centre, side, self.form.window),
         }
-        let Self { network, form, matches, .. } = self;
-        let network = locked(network);
+        let Self { network, form, matches, template, patch, .. } = self;
+        let mut network = locked(network);
+        match &seen {
+            Some(seen) => network.compare_seen(template, seen.maps),
+            None => network.compare(template, patch),
+        }
         let (logits, sides) = (network.logits(), network.sides());
         // Boxes are told about the centre that was asked for: the window is rounded to pixels.
         let unit = side / form.window as f64;

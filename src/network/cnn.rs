@@ -36,7 +36,7 @@ pub struct NetworkSettings {
 /// A network that all targets of a tracker use, one at a time.
 pub type SharedCnn = Arc<Mutex<Cnn>>;
 
-/// A network with the maps it made last.
+/// A network.
 pub struct Cnn {
     name: String,
     settings: NetworkSettings,
@@ -44,7 +44,8 @@ pub struct Cnn {
     patch: Patch,
     /// The input, `3 x side x side`, of the side of what was looked at last.
     image: Vec<f32>,
-    maps: Vec<FeatureMap>,
+    /// What a run that failed leaves: zeros.
+    nothing: Vec<FeatureMap>,
     /// Why the last run failed, if it did.
     failure: Option<RunError>,
     /// How often it has run since it was loaded.
@@ -64,13 +65,14 @@ impl Cnn {
         let image = settings.mean.iter().zip(&settings.scale).flat_map(grey).collect::<Vec<f32>>();
         let mut maps = vec![FeatureMap::default(); settings.outputs.len()];
         let network = checked(name, model, &settings, engine, &image, &mut maps)?;
+        maps.iter_mut().for_each(|map| map.data.fill(0.0));
         Ok(Self {
             name: name.to_owned(),
             settings,
             network,
             patch: Patch::default(),
             image,
-            maps,
+            nothing: maps,
             failure: None,
             #[cfg(test)]
             runs: 0,
@@ -87,36 +89,47 @@ impl Cnn {
         &self.settings
     }
 
-    /// Computes the maps of what `window` shows. A run that fails leaves maps of zeros, to which nothing answers, and
-    /// says why in [`failure`](Self::failure).
-    pub fn compute(&mut self, frame: &Frame, window: &Rect, cropper: &mut Cropper) {
+    /// Fills `maps`, one of each output in the order of [`NetworkSettings::outputs`], with what the network makes of
+    /// what `window` shows.
+    ///
+    /// # Errors
+    /// The run failed: it leaves maps of zeros, to which nothing answers. [`failure`](Self::failure) says so as well.
+    pub fn compute(
+        &mut self,
+        frame: &Frame,
+        window: &Rect,
+        cropper: &mut Cropper,
+        maps: &mut Vec<FeatureMap>,
+    ) -> Result<(), RunError> {
         let mut patch = std::mem::take(&mut self.patch);
         cropper.crop(frame, window, self.settings.side, self.settings.side, &mut patch);
-        self.compute_patch(&patch);
+        let done = self.compute_patch(&patch, maps);
         self.patch = patch;
+        done
     }
 
-    /// Computes the maps of a square patch likewise. It has the input's size or, where the network takes any, its own.
-    pub fn compute_patch(&mut self, patch: &Patch) {
+    /// Fills the maps of a square patch likewise. It has the input's size or, where the network takes any, its own.
+    ///
+    /// # Errors
+    /// The run failed: see [`compute`](Self::compute).
+    pub fn compute_patch(&mut self, patch: &Patch, maps: &mut Vec<FeatureMap>) -> Result<(), RunError> {
         self.prepare(patch);
+        maps.resize_with(self.settings.outputs.len(), FeatureMap::default);
         #[cfg(test)]
         {
             self.runs += 1;
         }
-        self.failure = self.network.run(&[Input::image(patch.width, &self.image)], &mut self.maps).err();
-        if self.failure.is_some() {
-            self.maps.iter_mut().for_each(|map| map.data.fill(0.0));
+        let done = self.network.run(&[Input::image(patch.width, &self.image)], maps);
+        if done.is_err() {
+            maps.clone_from(&self.nothing);
         }
+        self.failure = done.clone().err();
+        done
     }
 
     /// Why the last run failed; `None` if it did not.
     pub fn failure(&self) -> Option<&RunError> {
         self.failure.as_ref()
-    }
-
-    /// The map of each output, in the order of [`NetworkSettings::outputs`].
-    pub fn maps(&self) -> &[FeatureMap] {
-        &self.maps
     }
 
     /// Fills the input from the patch: `(intensity - mean) / scale`, planes in the network's order. A patch without
@@ -211,7 +224,7 @@ mod tests {
             settings,
             network: Box::new(Failing { runs: 0 }),
             patch: Patch::default(),
-            maps: vec![FeatureMap::default()],
+            nothing: vec![FeatureMap { rows: 1, cols: 1, channels: 1, data: vec![0.0] }],
             failure: None,
             runs: 0,
         };
@@ -219,8 +232,10 @@ mod tests {
         let frame = Frame::new(&data, 4, 4, 4, crate::frame::Encoding::Mono8, None).unwrap();
         let mut seen = Vec::new();
         for _ in 0..3 {
-            cnn.compute(&frame, &frame.bounds(), &mut Cropper::default());
-            seen.push((cnn.maps()[0].data[0], cnn.failure().cloned()));
+            let mut maps = Vec::new();
+            let done = cnn.compute(&frame, &frame.bounds(), &mut Cropper::default(), &mut maps);
+            assert_eq!(done.err().as_ref(), cnn.failure());
+            seen.push((maps[0].data[0], cnn.failure().cloned()));
         }
         assert_eq!(seen, [(1.0, None), (0.0, Some(out_of_memory())), (1.0, None)]);
     }

@@ -68,8 +68,8 @@ const MAPS: usize = TRUNK_OUTPUTS.len();
 enum Backbone {
     /// A network of its own, with its input, `3 x side x side`, and the map it made last.
     Own { network: Box<dyn Backend>, image: Vec<f32>, features: [FeatureMap; 1] },
-    /// The embedded network, and which of its maps are taken.
-    Trunk { cnn: SharedCnn, taken: [usize; MAPS] },
+    /// The embedded network, its maps, and which of them are taken.
+    Trunk { cnn: SharedCnn, maps: Vec<FeatureMap>, taken: [usize; MAPS] },
 }
 
 impl Backbone {
@@ -81,23 +81,17 @@ impl Backbone {
                 planes(patch, true).for_each(|plane| image.extend(plane.iter().map(|&v| f32::from(v))));
                 network.run(&[Input::image(patch.width, image)], features)
             }
-            Self::Trunk { cnn, .. } => {
-                locked(cnn).compute_patch(patch);
-                Ok(())
-            }
+            Self::Trunk { cnn, maps, .. } => locked(cnn).compute_patch(patch, maps),
         }
     }
 
-    /// Gives `work` the maps of the last run; or says why that failed, if another ran it.
-    fn with_maps<T>(&self, work: impl FnOnce(&[&FeatureMap]) -> T) -> Result<T, RunError> {
+    /// Gives `work` the maps of the last run, or those that another run of the embedded network made, `seen`.
+    fn with_maps<T>(&self, seen: Option<&[FeatureMap]>, work: impl FnOnce(&[&FeatureMap]) -> T) -> T {
         match self {
-            Self::Own { features: [map], .. } => Ok(work(&[map])),
-            Self::Trunk { cnn, taken } => {
-                let cnn = locked(cnn);
-                match cnn.failure() {
-                    Some(why) => Err(why.clone()),
-                    None => Ok(work(&taken.map(|at| &cnn.maps()[at]))),
-                }
+            Self::Own { features: [map], .. } => work(&[map]),
+            Self::Trunk { maps, taken, .. } => {
+                let maps = seen.unwrap_or(maps);
+                work(&taken.map(|at| &maps[at]))
             }
         }
     }
@@ -182,7 +176,7 @@ impl MatchingNetwork {
             stride: TRUNK_STRIDE,
             cells: 0,
         };
-        let backbone = Backbone::Trunk { cnn, taken: [deep, fine] };
+        let backbone = Backbone::Trunk { cnn, maps: Vec::new(), taken: [deep, fine] };
         Self::tried_out(name.to_owned(), backbone, head, form).map_err(unfit)
     }
 
@@ -218,22 +212,22 @@ impl MatchingNetwork {
 
     fn template(&mut self, patch: &Patch) -> Result<Vec<FeatureMap>, RunError> {
         self.backbone.run(patch)?;
-        self.backbone.with_maps(|maps| maps.iter().map(|&map| map.clone()).collect())
+        Ok(self.backbone.with_maps(None, |maps| maps.iter().map(|&map| map.clone()).collect()))
     }
 
     /// Holds a template against a patch of [`MatchingForm::window`] pixels a side. Where the run fails nothing answers.
     pub fn compare(&mut self, template: &[FeatureMap], patch: &Patch) {
-        let seen = self.backbone.run(patch);
-        self.answer_to(template, seen);
+        let done = self.backbone.run(patch).and_then(|()| self.answer(template, None));
+        self.keep(done);
     }
 
-    /// Holds a template against the window that the network [`is on`](Self::is_on) ran on last.
-    pub fn compare_seen(&mut self, template: &[FeatureMap]) {
-        self.answer_to(template, Ok(()));
+    /// Holds a template against maps of a window that the network that it [`is on`](Self::is_on) made.
+    pub fn compare_seen(&mut self, template: &[FeatureMap], maps: &[FeatureMap]) {
+        let done = self.answer(template, Some(maps));
+        self.keep(done);
     }
 
-    fn answer_to(&mut self, template: &[FeatureMap], seen: Result<(), RunError>) {
-        let done = seen.and_then(|()| self.answer(template));
+    fn keep(&mut self, done: Result<(), RunError>) {
         if done.is_err() {
             self.answer.iter_mut().for_each(|map| map.data.fill(0.0));
             // As sure as can be that nothing is there.
@@ -259,13 +253,13 @@ impl MatchingNetwork {
         self.failure.as_ref()
     }
 
-    /// Holds a template against what the backbone saw last.
-    fn answer(&mut self, template: &[FeatureMap]) -> Result<(), RunError> {
+    /// Holds a template against what the backbone saw last, or another run of the embedded network.
+    fn answer(&mut self, template: &[FeatureMap], seen: Option<&[FeatureMap]>) -> Result<(), RunError> {
         let Self { backbone, head, answer, swapped, .. } = self;
         if *swapped {
             answer.swap(0, 1);
         }
-        let done = backbone.with_maps(|maps| {
+        let done = backbone.with_maps(seen, |maps| {
             if template.len() != maps.len() {
                 return Err(RunError::Library { why: "there is no template".to_owned() });
             }
@@ -277,7 +271,7 @@ impl MatchingNetwork {
         if *swapped {
             answer.swap(0, 1);
         }
-        done.flatten()
+        done
     }
 
     /// Runs both on grey images, and reads from the answer what the files do not declare.
@@ -286,7 +280,7 @@ impl MatchingNetwork {
         let told = |why: RunError| why.to_string();
         let template = self.template(&grey(self.form.template)).map_err(told)?;
         self.backbone.run(&grey(self.form.window)).map_err(told)?;
-        self.answer(&template).map_err(told)?;
+        self.answer(&template, None).map_err(told)?;
         self.swapped = self.answer[0].channels == 4;
         if self.swapped {
             self.answer.swap(0, 1);

@@ -70,6 +70,10 @@ impl Trace for Renamed<'_> {
             other => trace.event(other),
         }
     }
+
+    fn looks_inside(&self) -> bool {
+        self.trace.looks_inside()
+    }
 }
 
 #[cfg(test)]

@@ -84,6 +84,10 @@ impl Trace for Zoomed<'_> {
             Event::Mode { name, window } => self.trace.event(Event::Mode { name, window: stretch(window) }),
         }
     }
+
+    fn looks_inside(&self) -> bool {
+        self.trace.looks_inside()
+    }
 }
 
 #[cfg(test)]

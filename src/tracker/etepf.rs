@@ -33,7 +33,7 @@ mod motion;
 use std::sync::Arc;
 
 use super::made::Made;
-use super::targets::{self, Targets};
+use super::targets::{self, Rooms, Targets};
 use super::{NewId, Output, State, Target, Tracker};
 use crate::crop::Cropper;
 use crate::filter::bounds::Bounds;
@@ -65,13 +65,13 @@ const LEAST_CONTRAST: f64 = 0.05;
 pub struct Etepf {
     params: EtepfParams,
     seed: u64,
-    scratch: Scratch,
+    scratch: Rooms<Scratch>,
     targets: Targets<EtepfTarget>,
     /// What changed parameters had made anew since the last frame.
     made: Made,
 }
 
-/// What all targets use one after the other.
+/// Room to work in: of one target at a time.
 #[derive(Default)]
 struct Scratch {
     cropper: Cropper,
@@ -105,7 +105,7 @@ impl Etepf {
         Self {
             params: params.etepf.clone(),
             seed: params.general.seed.unsigned_abs(),
-            scratch: Scratch::default(),
+            scratch: Rooms::default(),
             targets: Targets::default(),
             made: Made::default(),
         }
@@ -115,7 +115,7 @@ impl Etepf {
 impl Tracker for Etepf {
     fn start(&mut self, id: &Arc<str>, frame: &Frame, rect: Rect, trace: &mut dyn Trace) {
         trace.event(Event::Stage(Stage::Learn));
-        let followed = EtepfTarget::new(id.clone(), &self.params, self.seed, frame, &mut self.scratch, &rect);
+        let followed = EtepfTarget::new(id.clone(), &self.params, self.seed, frame, self.scratch.own(), &rect);
         self.targets.add(followed);
     }
 
@@ -128,17 +128,17 @@ impl Tracker for Etepf {
     }
 
     fn catch_up(&mut self, id: &str, frame: &Frame, dt: f64, trace: &mut dyn Trace) {
-        if let Some(target) = self.targets.get_mut(id) {
-            target.step(frame, &mut self.scratch, dt, trace);
-        }
+        let Self { targets, scratch, .. } = self;
+        targets.catch_up(id, trace, |target, trace| target.step(frame, scratch.own(), dt, trace));
     }
 
     fn step(&mut self, frame: &Frame, dt: f64, _: &mut NewId, trace: &mut dyn Trace) {
-        self.made.show(trace);
-        for target in self.targets.iter_mut() {
-            target.step(frame, &mut self.scratch, dt, trace);
-            if target.is_outdated(&self.params) && target.state == State::Tracking {
-                target.relearn(&self.params, frame, &mut self.scratch);
+        let Self { params, scratch, targets, made, .. } = self;
+        made.show(trace);
+        targets.step(scratch, trace, |target, scratch, trace| target.step(frame, scratch, dt, trace));
+        for target in targets.iter_mut().filter(|target| target.is_outdated(params)) {
+            if target.state == State::Tracking {
+                target.relearn(params, frame, scratch.own());
                 trace.event(Event::MadeAnew(Need::Target));
             }
         }
@@ -175,6 +175,11 @@ impl targets::Followed for EtepfTarget {
             age: self.age,
             lost_for: self.lost_for,
         }
+    }
+
+    fn thresholds(&self) -> Option<Thresholds> {
+        let EtepfModes { certain, lost, .. } = self.params.modes;
+        Some(Thresholds { certain, lost, found: certain })
     }
 }
 
@@ -353,15 +358,13 @@ impl EtepfTarget {
         self.appearance.update(&mut scratch.view, &place, &self.params);
     }
 
-    /// Shows the likelihood image, the particles, the thresholds and the mode.
+    /// Shows the likelihood image, the particles and the mode.
     fn show(&self, view: &LikelihoodView, trace: &mut dyn Trace) {
         view.show(trace);
         self.particles
             .drawn()
             .iter()
             .for_each(|p| trace.event(Event::Particle { rect: self.rect(&p.state), weight: p.weight }));
-        let EtepfModes { certain, lost, .. } = self.params.modes;
-        trace.event(Event::Thresholds { id: &self.id, thresholds: Thresholds { certain, lost, found: certain } });
         trace.event(Event::Mode { name: if self.state == State::Lost { FIND } else { TRACK }, window: view.window() });
     }
 

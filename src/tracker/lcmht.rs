@@ -37,7 +37,7 @@ mod turn;
 use std::sync::Arc;
 
 use super::made::Made;
-use super::targets::Targets;
+use super::targets::{Rooms, Targets};
 use super::{NewId, Output, State, Tracker};
 use crate::crop::Cropper;
 use crate::frame::Frame;
@@ -51,7 +51,7 @@ use target::LcmhtTarget;
 pub struct Lcmht {
     params: LcmhtParams,
     seed: u64,
-    cropper: Cropper,
+    croppers: Rooms<Cropper>,
     /// The networks that are wanted.
     networks: Networks,
     targets: Targets<LcmhtTarget>,
@@ -65,7 +65,7 @@ impl Lcmht {
         Self {
             params: params.lcmht.clone(),
             seed: params.general.seed.unsigned_abs(),
-            cropper: Cropper::default(),
+            croppers: Rooms::default(),
             networks,
             targets: Targets::default(),
             made: Made::default(),
@@ -76,8 +76,8 @@ impl Lcmht {
 impl Tracker for Lcmht {
     fn start(&mut self, id: &Arc<str>, frame: &Frame, rect: Rect, trace: &mut dyn Trace) {
         trace.event(Event::Stage(Stage::Learn));
-        let Self { params, seed, cropper, networks, .. } = self;
-        let followed = LcmhtTarget::new(id.clone(), params, networks.clone(), *seed, frame, cropper, rect);
+        let Self { params, seed, croppers, networks, .. } = self;
+        let followed = LcmhtTarget::new(id.clone(), params, networks.clone(), *seed, frame, croppers.own(), rect);
         self.targets.add(followed);
     }
 
@@ -90,22 +90,18 @@ impl Tracker for Lcmht {
     }
 
     fn catch_up(&mut self, id: &str, frame: &Frame, dt: f64, trace: &mut dyn Trace) {
-        if let Some(target) = self.targets.get_mut(id) {
-            target.step(frame, &mut self.cropper, dt, trace);
-        }
+        let Self { targets, croppers, .. } = self;
+        targets.catch_up(id, trace, |target, trace| target.step(frame, croppers.own(), dt, trace));
     }
 
     fn step(&mut self, frame: &Frame, dt: f64, _: &mut NewId, trace: &mut dyn Trace) {
-        let Self { params, cropper, networks, targets, made, .. } = self;
+        let Self { params, croppers, networks, targets, made, .. } = self;
         made.show(trace);
+        targets.step(croppers, trace, |target, cropper, trace| target.step(frame, cropper, dt, trace));
         // One at most is made anew in a frame, which takes as long as a mark.
-        let mut remade = false;
-        for target in targets.iter_mut() {
-            target.step(frame, cropper, dt, trace);
-            if !remade && target.params != *params && target.appearance.state() == State::Tracking {
-                remade = true;
-                target.remake(params, networks.clone(), frame, cropper, trace);
-            }
+        let mut outdated = targets.iter_mut().filter(|target| target.params != *params);
+        if let Some(target) = outdated.find(|target| target.appearance.state() == State::Tracking) {
+            target.remake(params, networks.clone(), frame, croppers.own(), trace);
         }
     }
 

@@ -1,8 +1,11 @@
-//! The list of the targets that a tracker follows, each under its id, in the order of their starts.
+//! The list of the targets that a tracker follows, each under its id, in the order of their starts; and the threads
+//! that follow them.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, Builder};
 
 use super::{Output, Target};
+use crate::trace::{Event, Thresholds, Trace};
 
 /// A target and all that is known of it.
 pub(super) trait Followed {
@@ -11,6 +14,31 @@ pub(super) trait Followed {
 
     /// What is said of it.
     fn report(&self) -> Target;
+
+    /// What its response was held against in the last step, if it has one.
+    fn thresholds(&self) -> Option<Thresholds> {
+        None
+    }
+}
+
+/// Room to work in, one for each thread that follows targets: as many as there are processors.
+pub(super) struct Rooms<R>(Vec<R>);
+
+impl<R: Default> Default for Rooms<R> {
+    fn default() -> Self {
+        Self::of(thread::available_parallelism().map_or(1, usize::from))
+    }
+}
+
+impl<R: Default> Rooms<R> {
+    fn of(threads: usize) -> Self {
+        Self((0..threads).map(|_| R::default()).collect())
+    }
+
+    /// The room of the thread that asks.
+    pub(super) fn own(&mut self) -> &mut R {
+        &mut self.0[0]
+    }
 }
 
 /// The targets, in the order of their starts.
@@ -54,10 +82,57 @@ impl<T: Followed> Targets<T> {
         self.0.iter_mut()
     }
 
+    /// Lets `step` follow each into a frame, in a room that no other uses meanwhile. They know nothing of each other,
+    /// so all processors take part, unless `trace` is to see what happens in order.
+    pub(super) fn step<R: Send>(
+        &mut self,
+        rooms: &mut Rooms<R>,
+        trace: &mut dyn Trace,
+        step: impl Fn(&mut T, &mut R, &mut dyn Trace) + Sync,
+    ) where
+        T: Send,
+    {
+        let (own, others) = rooms.0.split_first_mut().expect("a room");
+        let helpers = if trace.looks_inside() { 0 } else { others.len().min(self.0.len().saturating_sub(1)) };
+        if helpers == 0 {
+            self.0.iter_mut().for_each(|target| step(target, own, trace));
+        } else {
+            let waiting = Mutex::new(self.0.iter_mut());
+            let next = || waiting.lock().unwrap_or_else(PoisonError::into_inner).next();
+            let work = |room: &mut R| {
+                while let Some(target) = next() {
+                    step(target, room, &mut ());
+                }
+            };
+            thread::scope(|scope| {
+                for room in &mut others[..helpers] {
+                    // Where there is no thread to be had, those that there are do its work.
+                    let _ = Builder::new().name("targets".to_owned()).spawn_scoped(scope, || work(room));
+                }
+                work(own);
+            });
+        }
+        self.0.iter().for_each(|target| show_thresholds(target, trace));
+    }
+
+    /// Lets `step` follow the target of this id, if there is one.
+    pub(super) fn catch_up(&mut self, id: &str, trace: &mut dyn Trace, step: impl FnOnce(&mut T, &mut dyn Trace)) {
+        if let Some(target) = self.get_mut(id) {
+            step(target, trace);
+            show_thresholds(target, trace);
+        }
+    }
+
     /// Writes what is said of each.
     pub(super) fn report(&self, output: &mut Output) {
         output.targets.clear();
         output.targets.extend(self.0.iter().map(T::report));
+    }
+}
+
+fn show_thresholds(target: &impl Followed, trace: &mut dyn Trace) {
+    if let Some(thresholds) = target.thresholds() {
+        trace.event(Event::Thresholds { id: target.id(), thresholds });
     }
 }
 
@@ -88,6 +163,58 @@ mod tests {
                 lost_for: 0,
             }
         }
+
+        fn thresholds(&self) -> Option<Thresholds> {
+            Some(Thresholds { certain: self.1, lost: 0.0, found: 0.0 })
+        }
+    }
+
+    /// What it is shown, and whether it looks inside.
+    struct Shown(Vec<String>, bool);
+
+    impl Trace for Shown {
+        fn event(&mut self, event: Event) {
+            self.0.push(match event {
+                Event::Thresholds { id, thresholds } => format!("{id} {}", thresholds.certain),
+                Event::Mode { name, .. } => name.to_owned(),
+                other => panic!("{other:?}"),
+            });
+        }
+
+        fn looks_inside(&self) -> bool {
+            self.1
+        }
+    }
+
+    #[test]
+    fn each_target_is_followed_once_on_any_number_of_threads() {
+        for threads in [1, 2, 3, 9] {
+            let mut targets = Targets::default();
+            ["a", "b", "c", "d", "e"].into_iter().for_each(|id| targets.add(Named(id.into(), 1.0)));
+            let mut rooms = Rooms::<usize>::of(threads);
+            let step = |target: &mut Named, room: &mut usize, trace: &mut dyn Trace| {
+                target.1 += 1.0;
+                *room += 1;
+                trace.event(Event::Mode { name: "inside", window: Rect::default() });
+            };
+            for (inside, width) in [(true, 2), (false, 3)] {
+                let mut shown = Shown(Vec::new(), inside);
+                targets.step(&mut rooms, &mut shown, step);
+                let mut expected = vec!["inside".to_owned(); if inside || threads == 1 { 5 } else { 0 }];
+                expected.extend(["a", "b", "c", "d", "e"].map(|id| format!("{id} {width}")));
+                assert_eq!(shown.0, expected, "{threads} threads");
+            }
+            assert_eq!(rooms.0.iter().sum::<usize>(), 10, "{:?}", rooms.0);
+        }
+    }
+
+    /// Two steps that wait for each other end only if they run at the same time.
+    #[test]
+    fn targets_are_followed_at_the_same_time() {
+        let mut targets = Targets::default();
+        ["a", "b"].into_iter().for_each(|id| targets.add(Named(id.into(), 1.0)));
+        let both = std::sync::Barrier::new(2);
+        targets.step(&mut Rooms::<()>::of(2), &mut (), |_, (), _| _ = both.wait());
     }
 
     fn said(targets: &Targets<Named>) -> Vec<(String, f64)> {

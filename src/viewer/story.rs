@@ -31,6 +31,10 @@ impl Trace for KeptThresholds {
             self.0.push((id.to_owned(), thresholds));
         }
     }
+
+    fn looks_inside(&self) -> bool {
+        false
+    }
 }
 
 /// What was said of a frame.

@@ -18,7 +18,7 @@ use crate::frame::Frame;
 use crate::geometry::{Rect, distance};
 use crate::network::Networks;
 use crate::params::{Group as _, LcmhtParams, Need};
-use crate::trace::{Event, Proposal, Stage, Trace};
+use crate::trace::{Event, Proposal, Stage, Thresholds, Trace};
 use crate::tracker::targets::Followed;
 use crate::tracker::{State, Target};
 
@@ -49,6 +49,7 @@ pub(super) struct LcmhtTarget {
     response: f64,
     /// The response as far as the detector lets it count.
     judged: f64,
+    thresholds: Thresholds,
     turn: Turn,
     /// Whether nothing at all was to be seen where it was looked for in the last frame: then the box stays where it is.
     blind: bool,
@@ -110,6 +111,10 @@ impl Followed for LcmhtTarget {
             lost_for: self.lost_for,
         }
     }
+
+    fn thresholds(&self) -> Option<Thresholds> {
+        Some(self.thresholds)
+    }
 }
 
 impl LcmhtTarget {
@@ -131,6 +136,7 @@ impl LcmhtTarget {
         if judge.learns() {
             judge.learn(detector.see(frame, cropper, &rect));
         }
+        let thresholds = appearance.confidence.thresholds();
         Self {
             id,
             rect,
@@ -145,6 +151,7 @@ impl LcmhtTarget {
             proposals: Vec::new(),
             response,
             judged: response,
+            thresholds,
             turn: Turn::upright(),
             blind: false,
             age: 0,
@@ -182,7 +189,7 @@ impl LcmhtTarget {
         trace.event(Event::Stage(Stage::Features));
         let expected = self.look(frame, cropper, dt, trace);
         trace.event(Event::Stage(Stage::Localise));
-        let mut localised = self.localise(expected, frame, cropper, trace);
+        let mut localised = self.localise(expected, frame, cropper);
         self.watch_neighbours(&localised, frame, cropper, trace);
         self.measure(&localised);
         if localised.state == State::Lost {
@@ -255,20 +262,14 @@ impl LcmhtTarget {
     }
 
     /// Finds the target in the response map (eq 7), and says how sure that is.
-    fn localise(
-        &mut self,
-        expected: Expected,
-        frame: &Frame,
-        cropper: &mut Cropper,
-        trace: &mut dyn Trace,
-    ) -> Localised {
+    fn localise(&mut self, expected: Expected, frame: &Frame, cropper: &mut Cropper) -> Localised {
         let answer = self.best(expected.place);
         let colour = frame.encoding().is_colour();
         if !self.blind && colour != std::mem::replace(&mut self.colour, colour) {
             // Without colour the filter answers less to the same target.
             self.appearance.confidence.rebase(answer.response);
         }
-        trace.event(Event::Thresholds { id: &self.id, thresholds: self.appearance.confidence.thresholds() });
+        self.thresholds = self.appearance.confidence.thresholds();
         self.detector.see(frame, cropper, &Rect::around(answer.centre, self.rect.size()));
         let opinion = self.opinion();
         self.ask(&answer, self.rect.size());
