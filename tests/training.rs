@@ -95,7 +95,7 @@ fn frame(image: &RgbImage) -> Frame<'_> {
     Frame::new(image.as_raw(), width, height, 3 * width as usize, Encoding::Rgb8, None).unwrap()
 }
 
-/// The head in a file, on the embedded network, both by tract.
+/// The head in a file, on the embedded network, both by RTen.
 fn network(head: &Path) -> SharedMatching {
     let settings = NetworkSettings {
         side: TRUNK_SIDE,

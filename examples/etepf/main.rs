@@ -13,7 +13,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use long_term_tracker::Rect;
 use long_term_tracker::eval::dataset::{self, Sequence};
-use long_term_tracker::eval::run::{Clock, Setup, Start, run};
+use long_term_tracker::eval::run::{Setup, Start, run};
 use long_term_tracker::eval::trajectory::{held_from, median, rmse};
 use long_term_tracker::params::{Assignment, Params, Phase, Value, assignment};
 
@@ -103,7 +103,7 @@ fn boxes(
     all.extend_from_slice(set);
     let params = Params::default().with(all.iter().map(|(n, v)| (n.as_str(), v)), Phase::StartUp)?;
     let setup = Setup { name: String::new(), params };
-    let run = run(&setup, sequence, Start::default(), usize::MAX, Clock::ThreadCPUTime, || ())?;
+    let run = run(&setup, sequence, Start::default(), usize::MAX, false, || ())?;
     Ok(run.answers.iter().map(|answer| answer.rect).collect())
 }
 

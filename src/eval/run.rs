@@ -5,8 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-pub use rustix::time::ClockId as Clock;
-use rustix::time::clock_gettime;
+use rustix::time::{ClockId, clock_gettime};
 
 use super::answer::Answer;
 use super::dataset::Sequence;
@@ -82,13 +81,14 @@ impl Start {
     }
 }
 
-/// Runs one set of parameters over a sequence: as many frames as have a row in the ground truth, at most `limit`.
+/// Runs one set of parameters over a sequence: as many frames as have a row in the ground truth, at most `limit`. The
+/// processor time `is_timed` if nothing else runs in this process.
 pub fn run(
     setup: &Setup,
     sequence: &Sequence,
     start: Start,
     limit: usize,
-    clock: Clock,
+    is_timed: bool,
     on_frame: impl Fn(),
 ) -> Result<Run, RunError> {
     let target = sequence.truth.first().copied().flatten().ok_or(RunError::NoTarget)?;
@@ -100,13 +100,13 @@ pub fn run(
     while answers.len() < limit.min(sequence.truth.len()) {
         let Some(buffer) = source.next_frame()? else { break };
         let frame = buffer.frame();
-        let begun = now(clock);
+        let begun = processor_time();
         if answers.is_empty() {
             session.start(&frame, start.rect(target), &mut ())?;
         } else {
             session.step(&frame, &mut ());
         }
-        time += now(clock).saturating_sub(begun);
+        time += processor_time().saturating_sub(begun);
         failures.watch(&session);
         answers.push(Answer::of(session.output()));
         on_frame();
@@ -117,7 +117,7 @@ pub fn run(
             log::warn!("{note}");
         }
     }
-    Ok(Run { answers, processor_time: Some(time) })
+    Ok(Run { answers, processor_time: is_timed.then_some(time) })
 }
 
 /// What to say of a sequence that has not as many images as boxes.
@@ -133,8 +133,8 @@ fn miscounted(sequence: &Sequence, scored: usize, left: Option<usize>, limit: us
 pub type Runs = Vec<Vec<Result<Run, RunError>>>;
 
 /// Runs every set over every sequence from every start on so many threads. The results stand by set, start and
-/// sequence, in the order given. On a single thread, the processor time is that of the whole process; on several it is
-/// that of each thread alone, so that what a network computes in threads of its own is not in it.
+/// sequence, in the order given. Processor time is told on a single thread only: it is that of the whole process, for
+/// networks compute in threads of their own.
 pub fn run_all(
     setups: &[Setup],
     sequences: &[Sequence],
@@ -147,14 +147,14 @@ pub fn run_all(
     let mut jobs: Vec<_> = runs.flat_map(|(s, k)| (0..sequences.len()).map(move |q| (s, k, q))).collect();
     // The longest first, so that none is left over for a single thread at the end.
     jobs.sort_by_key(|&(.., q)| std::cmp::Reverse(sequences[q].truth.len()));
-    let clock = if threads > 1 { Clock::ThreadCPUTime } else { Clock::ProcessCPUTime };
+    let threads = threads.min(jobs.len());
     let next = AtomicUsize::new(0);
     let done = Mutex::new(Vec::with_capacity(jobs.len()));
     std::thread::scope(|scope| {
-        for _ in 0..threads.min(jobs.len()) {
+        for _ in 0..threads {
             scope.spawn(|| {
                 while let Some(&(s, k, q)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let result = run(&setups[s], &sequences[q], starts[k], limit, clock, &on_frame);
+                    let result = run(&setups[s], &sequences[q], starts[k], limit, threads == 1, &on_frame);
                     done.lock().unwrap_or_else(|e| e.into_inner()).push(((s, k, q), result));
                 }
             });
@@ -167,9 +167,9 @@ pub fn run_all(
     setups.iter().map(|_| runs()).collect()
 }
 
-/// What the clock shows.
-fn now(clock: Clock) -> Duration {
-    Duration::try_from(clock_gettime(clock)).unwrap_or_default()
+/// The processor time of this process.
+fn processor_time() -> Duration {
+    Duration::try_from(clock_gettime(ClockId::ProcessCPUTime)).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -33,7 +33,7 @@ const EMBEDDED_NAME: &str = "embedded";
 const EMBEDDED_MEAN: [f32; 3] = [127.0; 3];
 const EMBEDDED_SCALE: [f32; 3] = [128.0; 3];
 /// The built-in library's name in log lines.
-const BUILTIN: &str = "tract";
+const BUILTIN: &str = "RTen";
 
 /// What runs a network, as it is asked for.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,8 +7,9 @@
 //! |---|---|
 //! | `backend.rs` | what a library that runs networks must do |
 //! | `engine.rs` | which library runs a network, and what all networks share |
-//! | `builtin.rs` | inference by tract, which is built in |
-//! | `depthwise.rs` | its convolutions of single channels, which ours replace |
+//! | `builtin.rs` | inference by RTen, which is built in |
+//! | `stages.rs` | a network cut at its depthwise convolutions, which RTen is slow at |
+//! | `depthwise.rs` | these |
 //! | `onnxruntime.rs` | inference by ONNX Runtime |
 //! | `cnn.rs` | a network that takes an image, and whose outputs are maps of features |
 //! | `matching.rs` | two networks that find a template in a search window |
@@ -23,6 +24,7 @@ mod engine;
 mod matching;
 #[cfg(feature = "onnxruntime")]
 mod onnxruntime;
+mod stages;
 
 use std::sync::Arc;
 

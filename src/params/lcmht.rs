@@ -81,7 +81,7 @@ group! {
         outputs: Vec<String> = ["block4", "block10"].map(String::from), needs Network; "Outputs of the network to use, one layer each."
         weights: Vec<f64> = [0.1, 0.2], needs Filters; "Energy of each of these layers; 0 leaves one out. With `lcmht.layers.joint`, the weight of its response (gamma of eq 6)."
         components: Vec<i64> = [8, 32], needs Filters; "Number of principal components kept of each of these layers. 0 keeps all channels unchanged."
-        inference: Inference = Inference::Auto, needs Runtime; "Library that runs networks. `auto` uses ONNX Runtime if it is installed and the built-in tract otherwise."
+        inference: Inference = Inference::Auto, needs Runtime; "Library that runs networks. `auto` uses ONNX Runtime if it is installed and the built-in RTen otherwise."
         library: String = "", needs Restart; "Path of ONNX Runtime's shared library. If empty, ORT_DYLIB_PATH is used, then the system's library path."
         threads: i64 = 1, in 1..=64, needs Runtime; "Number of threads per network."
         separate: bool = true, needs Filters, is Ablation; "Trains a separate masked filter on the network's layers and adds its response to that of the hand-crafted layers; otherwise one filter is trained on all layers."
