@@ -159,7 +159,7 @@ impl Backend for Staged {
             let ValueOrView::View(ValueView::FloatTensor(value)) = given(inputs, values, at)? else {
                 return Err(RunError::NoFloats);
             };
-            fill(map, value.shape().iter().copied(), &value.to_contiguous().data())?;
+            fill(map, value.shape().iter().copied(), value.to_contiguous().data())?;
         }
         Ok(())
     }
