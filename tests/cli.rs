@@ -247,7 +247,7 @@ fn json(path: &Path) -> serde_json::Value {
 fn evaluation_scores_what_it_can_and_reports_what_it_cannot() {
     let dir = dataset();
     let (report, boxes) = (dir.path().join("report.json"), dir.path().join("boxes"));
-    let args = ["--json", report.to_str().unwrap(), "--boxes", boxes.to_str().unwrap()];
+    let args = ["--json", report.to_str().unwrap(), "--boxes", boxes.to_str().unwrap(), "--threads", "1"];
     let output = evaluate(dir.path(), &args);
     assert_refused(&output, 1, "error: lcmht, late: the target is not in view in the first frame");
     assert!(stderr(&output).ends_with("error: 1 of 2 runs failed\n"), "{}", stderr(&output));
