@@ -61,7 +61,7 @@ fn other_trackers_are_compared_with_this_one_by_one_command() {
     let output = dir.path().join("peers");
     let mut compare = Command::new(python);
     compare.arg("-B").arg(script).arg(dir.path()).arg("--output").arg(&output).args(["--trackers", "CSRT,MOSSE"]);
-    compare.args(["--evaluate", env!("CARGO_BIN_EXE_evaluate"), "--", "--starts", "2", "--threads", "1"]);
+    compare.args(["--evaluate", env!("CARGO_BIN_EXE_evaluate"), "--", "--starts", "2"]);
     // `CSRT walk 12 frames ...`
     let runs = |told: &str| told.lines().filter(|l| l.split_whitespace().nth(1) == Some("walk")).count();
     let table = venv::run(&mut compare);
