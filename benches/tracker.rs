@@ -15,6 +15,7 @@ use long_term_tracker::features::colour_names;
 use long_term_tracker::features::hog::Hog;
 use long_term_tracker::loader::Request;
 use long_term_tracker::params::{Inference, Phase, Value};
+use long_term_tracker::trace::{Event, Trace};
 use long_term_tracker::{Encoding, Frame, Params, Rect, Session, State};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -153,6 +154,41 @@ fn step(c: &mut Criterion) {
     assert!(found.state == State::Tracking && found.rect.iou(&target(k)) > 0.5, "{found:?} was not on the target");
 }
 
+/// Looks inside every step, which keeps the targets in order.
+struct Watching;
+
+impl Trace for Watching {
+    fn event(&mut self, _: Event) {}
+}
+
+/// Steps of several targets, followed at once and one after the other: with the built-in network and without.
+fn several(c: &mut Criterion) {
+    let video = video();
+    let (most, inference) = (Value::Integer(4), Value::String("builtin".into()));
+    for (name, network) in [("builtin", true), ("none", false)] {
+        let network = Value::Bool(network);
+        let changes = [("max_targets", &most), ("lcmht.cnn.inference", &inference), ("lcmht.cnn.enabled", &network)];
+        let params = Params::default().with(changes, Phase::StartUp).expect("values in range");
+        for count in [1, 2, 4] {
+            for order in ["at_once", "in_order"] {
+                let trace: &mut dyn Trace = if order == "at_once" { &mut () } else { &mut Watching };
+                let mut session = Session::new(params.clone()).expect("the default parameters name no file");
+                for id in 0..count {
+                    let id = id.to_string();
+                    session.start_as(Some(&id), &frame(&video[0]), target(0), trace).expect("the target is in view");
+                }
+                let mut k = 0;
+                c.bench_function(&format!("several/{name}/{count}/{order}"), |b| {
+                    b.iter(|| {
+                        k += 1;
+                        session.step(&frame(&video[k % PERIOD]), trace).targets.len()
+                    })
+                });
+            }
+        }
+    }
+}
+
 /// A mark, and the steps in which altered looks at the first frame are learned, in processor time: of the default by
 /// either library, and of it without the network.
 fn start(c: &mut Criterion) {
@@ -260,5 +296,5 @@ fn many(c: &mut Criterion) {
     eprintln!("maptrack/10: {} targets at the end, {most} at most", session.output().targets.len());
 }
 
-criterion_group!(benches, features, filter, network, step, start, sizes, many);
+criterion_group!(benches, features, filter, network, step, several, start, sizes, many);
 criterion_main!(benches);
