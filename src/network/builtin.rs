@@ -10,6 +10,7 @@ use rten_onnx::onnx::{ModelProto, ValueInfoProto};
 use rten_tensor::{Layout, TensorView};
 
 use super::backend::{Backend, Input, Outputs, Refusal, RunError, fill};
+use super::declared::{inputs_of, sides_of};
 use super::depthwise::Depthwise;
 use super::stages::{Graph, Separate, Stage};
 use crate::features::FeatureMap;
@@ -39,9 +40,7 @@ pub(super) fn load(model: &[u8], outputs: Outputs, threads: usize) -> Result<Box
     let graph = parsed.graph.as_ref().ok_or_else(|| Refusal::Format("it has no graph".to_owned()))?;
     let name = |value: &ValueInfoProto| value.name.clone().unwrap_or_default();
     let wanted = outputs.among(&graph.output.iter().map(name).collect::<Vec<_>>())?;
-    let is_held = |name: &str| graph.initializer.iter().any(|tensor| tensor.name.as_deref() == Some(name));
-    let inputs = || graph.input.iter().filter(|input| !is_held(&name(input)));
-    let mut names: Vec<String> = inputs().map(name).collect();
+    let mut names: Vec<String> = inputs_of(graph).map(name).collect();
 
     let cut = Graph::of(&parsed).and_then(|graph| {
         let convolutions = depthwise(&graph)?;
@@ -58,7 +57,7 @@ pub(super) fn load(model: &[u8], outputs: Outputs, threads: usize) -> Result<Box
     let loaded = stages.into_iter().map(|stage| Loaded::new(stage, &convolutions, &mut names));
     let stages = loaded.collect::<Result<_, _>>()?;
     Ok(Box::new(Staged {
-        declared: inputs().map(declared).collect(),
+        declared: inputs_of(graph).map(sides_of).collect(),
         stages,
         wanted: wanted.iter().map(|value| place(&mut names, value)).collect(),
         values: names.iter().map(|_| None).collect(),
@@ -74,13 +73,6 @@ fn depthwise(graph: &Graph) -> Option<Vec<(Separate, Depthwise)>> {
     let value = |name: &str| model.run(Vec::new(), &[model.node_id(name).ok()?], None).ok()?.pop();
     let made: Vec<_> = found.into_iter().filter_map(|c| Depthwise::new(&c, value).map(|made| (c, made))).collect();
     (!made.is_empty()).then_some(made)
-}
-
-/// What is declared of the sides of an input.
-fn declared(input: &ValueInfoProto) -> Vec<Option<usize>> {
-    let tensor = input.r#type.as_ref().and_then(|t| t.tensor_type.as_ref());
-    let sides = tensor.and_then(|tensor| tensor.shape.as_ref()).map_or(&[][..], |shape| &shape.dim);
-    sides.iter().map(|side| side.dim_value.and_then(|length| usize::try_from(length).ok())).collect()
 }
 
 /// The place of a value, a new one if it has none.

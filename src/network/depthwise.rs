@@ -179,7 +179,11 @@ fn correlate(pixels: &[f32], taps: &[usize], kernel: &[f32], bias: f32, [least, 
             let met = &pixels[tap..tap + BLOCK];
             sums.iter_mut().zip(met).for_each(|(sum, pixel)| *sum += weight * pixel);
         }
-        outputs.iter_mut().zip(&sums).for_each(|(output, sum)| *output = sum.max(least).min(most));
+        for (output, &sum) in outputs.iter_mut().zip(&sums) {
+            // What is no number stays none.
+            let above = if sum < least { least } else { sum };
+            *output = if above > most { most } else { above };
+        }
     }
 }
 

@@ -9,11 +9,11 @@
 //! | `engine.rs` | which library runs a network, and what all networks share |
 //! | `builtin.rs` | inference by RTen, which is built in |
 //! | `stages.rs` | a network cut at its depthwise convolutions, which RTen is slow at |
-//! | `depthwise.rs` | these |
+//! | `depthwise.rs` | depthwise convolutions |
 //! | `onnxruntime.rs` | inference by ONNX Runtime |
 //! | `cnn.rs` | a network that takes an image, and whose outputs are maps of features |
 //! | `matching.rs` | two networks that find a template in a search window |
-//! | `declared.rs` | what an ONNX file declares of its input, and freeing it of that |
+//! | `declared.rs` | what an ONNX file declares of its inputs, and freeing it of that |
 
 mod backend;
 mod builtin;

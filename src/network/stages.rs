@@ -4,6 +4,8 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 
 use rten_onnx::onnx::{AttributeProto, GraphProto, ModelProto, NodeProto, ValueInfoProto};
 
+use super::declared::inputs_of;
+
 /// More rows or columns of padding, or a longer step, than any network has.
 const MOST: i64 = 1 << 10;
 /// More stages than any network has.
@@ -112,12 +114,6 @@ impl<'a> Graph<'a> {
         Some(Self { model, graph, makers, constants })
     }
 
-    /// The inputs that the file does not hold itself.
-    pub fn inputs(&self) -> impl Iterator<Item = &'a ValueInfoProto> {
-        let given = |input: &&ValueInfoProto| input.name.as_deref().is_some_and(|name| !self.constants.contains(name));
-        self.graph.input.iter().filter(given)
-    }
-
     /// What may be depthwise convolutions, by what the nodes say; their kernels have the last word.
     pub fn convolutions(&self) -> Vec<Separate> {
         let mut users: HashMap<&str, Vec<usize>> = HashMap::new();
@@ -193,7 +189,7 @@ impl<'a> Graph<'a> {
         let needed = self.needed(wanted.iter().map(String::as_str));
         // From which stage on there is a value. One that a convolution makes is there for the stage behind it.
         let mut there: HashMap<&str, usize> =
-            self.inputs().filter_map(|input| Some((input.name.as_deref()?, 0))).collect();
+            inputs_of(self.graph).filter_map(|input| Some((input.name.as_deref()?, 0))).collect();
         let mut stages: Vec<Members> = Vec::new();
         for at in needed.difference(&limiters).copied() {
             let node = &self.graph.node[at];
@@ -210,43 +206,32 @@ impl<'a> Graph<'a> {
                 outputs(node).for_each(|output| _ = there.insert(output, stage));
             }
         }
-        let used = |node: usize| inputs(&self.graph.node[node]);
-        // What each value is used by: nodes of stages, convolutions, who asked.
-        let mut users: HashMap<&str, HashSet<Option<usize>>> = HashMap::new();
-        for (stage, members) in stages.iter().enumerate() {
-            members
-                .nodes
-                .iter()
-                .flat_map(|&node| used(node))
-                .for_each(|value| _ = users.entry(value).or_default().insert(Some(stage)));
+        if !wanted.iter().all(|value| there.contains_key(value.as_str())) {
+            return None;
         }
-        let asked = wanted.iter().chain(convolutions.iter().map(|c| &c.input));
-        asked.for_each(|value| _ = users.entry(value).or_default().insert(None));
-        let is_there = wanted.iter().all(|value| there.contains_key(value.as_str()));
-        let made = stages.into_iter().enumerate().map(|(stage, members)| self.stage(stage, members, &there, &users));
-        is_there.then(|| made.collect())?
+        let given: Vec<BTreeSet<&str>> = stages.iter().map(|stage| self.given_to(stage, &there)).collect();
+        let asked = wanted.iter().chain(convolutions.iter().map(|c| &c.input)).map(String::as_str);
+        let taken: HashSet<&str> = given.iter().flatten().copied().chain(asked).collect();
+        stages.into_iter().zip(given).map(|(stage, given)| self.stage(stage, given, &taken)).collect()
     }
 
-    fn stage(
-        &self,
-        stage: usize,
-        members: Members,
-        there: &HashMap<&str, usize>,
-        users: &HashMap<&str, HashSet<Option<usize>>>,
-    ) -> Option<Stage> {
+    /// What the nodes of a stage take of what there is from other stages, or from the inputs.
+    fn given_to(&self, stage: &Members, there: &HashMap<&str, usize>) -> BTreeSet<&'a str> {
+        let nodes = || stage.nodes.iter().map(|&at| &self.graph.node[at]);
+        let made: HashSet<&str> = nodes().flat_map(outputs).collect();
+        nodes().flat_map(inputs).filter(|value| there.contains_key(value) && !made.contains(value)).collect()
+    }
+
+    /// The stage of these members, which takes `given` and makes what is `taken` elsewhere.
+    fn stage(&self, members: Members, given: BTreeSet<&str>, taken: &HashSet<&str>) -> Option<Stage> {
         let Members { nodes, convolutions } = members;
-        let of_nodes =
-            |values: fn(&NodeProto) -> Values| nodes.iter().flat_map(move |&at| values(&self.graph.node[at]));
-        let made: BTreeSet<&str> = of_nodes(outputs).collect();
-        let leaves = |value: &&str| users.get(value).is_some_and(|users| users.iter().any(|user| *user != Some(stage)));
-        let outputs: Vec<&str> = made.iter().copied().filter(leaves).collect();
-        let comes = |value: &&str| there.contains_key(value) && !made.contains(value);
-        let inputs: BTreeSet<&str> = of_nodes(inputs).filter(comes).collect();
-        let inputs = Vec::from_iter(inputs);
-        let held = of_nodes(self::inputs).filter(|value| self.constants.contains(value));
+        let each = || nodes.iter().map(|&at| &self.graph.node[at]);
+        let made: Vec<&str> = each().flat_map(outputs).filter(|value| taken.contains(value)).collect();
+        let held = each().flat_map(inputs).filter(|value| self.constants.contains(value));
         let all = nodes.union(&self.needed(held)).copied().collect();
-        let model = if outputs.is_empty() { None } else { Some(self.part(&all, &inputs, &outputs)?) };
-        let [inputs, outputs] = [inputs, outputs].map(|values| values.into_iter().map(str::to_owned).collect());
+        let given = Vec::from_iter(given);
+        let model = if made.is_empty() { None } else { Some(self.part(&all, &given, &made)?) };
+        let [inputs, outputs] = [given, made].map(|values| values.into_iter().map(str::to_owned).collect());
         Some(Stage { model, inputs, outputs, convolutions })
     }
 
@@ -283,19 +268,16 @@ impl<'a> Graph<'a> {
     }
 }
 
-/// The names of values.
-type Values<'a> = Box<dyn Iterator<Item = &'a str> + 'a>;
-
 /// What a node computes, if it is one of ONNX's own operators.
 fn operator(node: &NodeProto) -> &str {
     let is_own = node.domain.as_deref().is_none_or(str::is_empty);
     node.op_type.as_deref().filter(|_| is_own).unwrap_or_default()
 }
 
-fn inputs(node: &NodeProto) -> Values<'_> {
-    Box::new(node.input.iter().map(String::as_str).filter(|name| !name.is_empty()))
+fn inputs(node: &NodeProto) -> impl Iterator<Item = &str> {
+    node.input.iter().map(String::as_str).filter(|name| !name.is_empty())
 }
 
-fn outputs(node: &NodeProto) -> Values<'_> {
-    Box::new(node.output.iter().map(String::as_str).filter(|name| !name.is_empty()))
+fn outputs(node: &NodeProto) -> impl Iterator<Item = &str> {
+    node.output.iter().map(String::as_str).filter(|name| !name.is_empty())
 }
