@@ -364,20 +364,26 @@ mod tests {
         Frame::new(data, 320, 240, 960, Encoding::Rgb8, None).unwrap()
     }
 
+    /// Where the object is first, and where it goes.
+    const FIRST: Rect = Rect::new(150.0, 100.0, 20.0, 40.0);
+    const THEN: Rect = Rect::new(185.0, 60.0, 20.0, 40.0);
+
+    /// Both scenes.
+    fn scenes() -> [Vec<u8>; 2] {
+        [(FIRST, 1), (THEN, 2)].map(|(rect, seed)| scene([rect.x as usize, rect.y as usize], seed))
+    }
+
     #[test]
     fn the_learned_target_is_the_best_proposal_and_its_margin_is_positive() {
         let mut cropper = Cropper::default();
-        let first = scene([150, 100], 1);
-        let target = Rect::new(150.0, 100.0, 20.0, 40.0);
+        let ([first, moved], [target, there]) = (scenes(), [FIRST, THEN]);
         let mut detector = Detector::new(SETTINGS, &target, 7);
         assert!(!detector.is_trained());
         detector.learn(&frame(&first), &mut cropper, &target);
         assert!(detector.is_trained());
-        let moved = scene([185, 60], 2);
         let mut proposals = Vec::new();
         detector.scan(&frame(&moved), &mut cropper, &target, &mut proposals);
         assert_eq!(proposals.len(), 5);
-        let there = Rect::new(185.0, 60.0, 20.0, 40.0);
         assert!(proposals[0].rect.iou(&there) > 0.7, "{proposals:?}");
         assert!(proposals[0].score > 0.0 && proposals[1].score < proposals[0].score, "{proposals:?}");
         for (i, a) in proposals.iter().enumerate() {
@@ -390,14 +396,12 @@ mod tests {
     #[test]
     fn a_look_is_found_again_anywhere_in_the_area_and_nowhere_out_of_view() {
         let mut cropper = Cropper::default();
-        let first = scene([150, 100], 1);
-        let target = Rect::new(150.0, 100.0, 20.0, 40.0);
+        let ([first, moved], target) = (scenes(), FIRST);
         let mut detector = Detector::new(SETTINGS, &target, 7);
         let look = detector.see(&frame(&first), &mut cropper, &target).clone();
-        let moved = scene([185, 60], 2);
         let likeness = |seen: &Example| look.cosines(seen).iter().sum();
         let (place, rank) = detector.search(&frame(&moved), &mut cropper, &target, likeness).unwrap();
-        assert!(place.iou(&Rect::new(185.0, 60.0, 20.0, 40.0)) > 0.7, "{place}");
+        assert!(place.iou(&THEN) > 0.7, "{place}");
         // The same place by itself, but for the margins of its cells.
         let alone: f64 = likeness(detector.see(&frame(&moved), &mut cropper, &place));
         assert!((rank - alone).abs() < 0.05, "{rank} {alone}");
