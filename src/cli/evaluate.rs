@@ -28,8 +28,8 @@ use crate::params::{Assignment, Value, assignment};
 /// first loss: frames before the target is first lost, reported or with a box that does not touch it (all frames, if it
 /// never is); lost: frames reported lost; right, wrong: of these, frames in which the target was out of view or fully
 /// occluded, and in view; astray: frames in view, not reported lost, and not held; recovered: losses that ended on the
-/// target (overlap above 0.3 within 10 frames); fps: frames per second of the tracker's processor time, if
-/// sequences run one after the other (`--threads 1`). Exit codes: 0 done, 1 a sequence failed, 2 unusable arguments.
+/// target (overlap above 0.3 within 10 frames); fps: frames per second of the tracker's processor time, if sequences
+/// run one after the other (`--threads 1`). Exit codes: 0 done, 1 a sequence failed, 2 unusable arguments.
 #[derive(Debug, Parser)]
 #[command(name = "evaluate", version = env!("PACKAGE_VERSION"))]
 pub struct Args {

@@ -81,8 +81,8 @@ impl Start {
     }
 }
 
-/// Runs one set of parameters over a sequence: as many frames as have a row in the ground truth, at most `limit`. The
-/// processor time `is_timed` if nothing else runs in this process.
+/// Runs one set of parameters over a sequence: as many frames as have a row in the ground truth, at most `limit`.
+/// Where nothing else runs in this process, `is_timed`, its processor time is told.
 pub fn run(
     setup: &Setup,
     sequence: &Sequence,
